@@ -35,6 +35,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
     from imu_allan.writers import folder
+    from imu_allan.writers.atomic import write_files
     from imu_allan.writers.output_path import folder_lock
     from imu_allan.writers.result_file import load_result
 
@@ -45,20 +46,21 @@ def run(args: argparse.Namespace) -> int:
     if len(results) > 1 and args.width is not None:
         raise ImuAllanError('--width takes one result')
     if len(results) == 1:
-        with folder_lock(args.output):
-            paths = folder.save_report(results[0], args.output, pictures)
-            if pictures != args.format:
-                paths += folder.save_latex(results[0], args.output)
-            if args.width is not None:
-                paths += folder.save_paper(results[0], args.output, args.width, pictures)
+        files = folder.report_files(results[0], pictures)
+        if pictures != args.format:
+            files |= folder.latex_files(results[0])
+        if args.width is not None:
+            files |= folder.paper_files(results[0], args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
         from imu_allan.writers.terminal import console_of, wrapped
 
         names = names_of([Path(path) for path in args.results])
         named = dict(zip(names, results, strict=True))
-        with folder_lock(args.output):
-            paths = folder.save_comparison(named, args.output, pictures)
+        files = folder.comparison_files(named, pictures)
+    with folder_lock(args.output):
+        paths = write_files(args.output, files)
+    if len(results) > 1:
         console = console_of()
         if len(named) > folder.MOST_COMPARED:
             from imu_allan.writers.fleet import Fleet, population_table

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import contextlib
 import os
 from pathlib import Path
@@ -36,6 +36,8 @@ _KINDS = (
     ('references in BibTeX', rb'@techreport\{ieee952,'),
     (CONFIGURATION, rb'(?s).{,16000}?, by imu_allan '))
 """Kinds of files that this package writes, and how they begin."""
+Files = dict[str, Callable[[], bytes | None]]
+"""What makes the content of each file by name; None leaves the file out."""
 _BEGINNING = 1 << 14
 """Bytes at the start of a file by which its kind is recognized."""
 
@@ -81,6 +83,20 @@ def write_in(folder: str | os.PathLike[str], name: str, data: bytes) -> Path:
     _require_no_link(path)
     write_atomically(path, data)
     return path
+
+
+def write_files(folder: str | os.PathLike[str], files: Files) -> list[Path]:
+    """Make and write files in turn with `write_in`; an error names all that are missing."""
+    paths: list[Path] = []
+    for number, (name, made) in enumerate(files.items(), 1):
+        data = made()
+        try:
+            paths += [] if data is None else [write_in(folder, name, data)]
+        except ImuAllanError as error:
+            others = ', '.join(list(files)[number:])
+            raise ImuAllanError(
+                f'{error}{others and f"; not written either: {others}"}') from error
+    return paths
 
 
 def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:

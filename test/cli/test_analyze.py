@@ -63,7 +63,8 @@ def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, 
     (output / 'at_rest').write_text('in the way')
     lines = fails_with(
         f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a folder that '
-        'exists on a disk with room and may be written to',
+        'exists on a disk with room and may be written to; not written either: curve.csv, '
+        'report.html, allan_deviation.png',
         'analyze', recording, *others, '--output', output).splitlines()
     assert [line.partition(', ')[0] for line in lines[:3]] == [
         'at_rest: 5 min', 'at_rest-2: 100 s', 'at_rest-3: 25 s']

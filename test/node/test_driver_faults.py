@@ -212,7 +212,8 @@ def test_an_output_folder_that_takes_nothing_is_reported_and_replaced_at_the_end
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
     assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '
-                   'that exists on a disk with room and may be written to') in node.lines
+                   'that exists on a disk with room and may be written to; not written either: '
+                   'curve.csv, imu.yaml, allan_deviation.png') in node.lines
     [path] = (ros.folder / 'states').rglob('result.json')
     assert json.loads(path.read_text())['timeline']['samples'] == 4000
     assert ('wrote result.json, curve.csv, imu.yaml, allan_deviation.png to '

@@ -9,7 +9,7 @@ import os
 
 from imu_allan.result import Timeline
 from imu_allan.writers import folder as folders
-from imu_allan.writers.atomic import kind_of, write_atomically, write_in
+from imu_allan.writers.atomic import kind_of, write_atomically, write_files, write_in
 from imu_allan.writers.filters import CONSUMERS, export, stale_files_note
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.folder import IncompleteSave, save_folder
@@ -100,6 +100,15 @@ def test_where_a_result_gives_no_configuration_all_else_is_written(result, tmp_p
         'allan_deviation.png'}
 
 
+def test_what_is_missing_behind_a_file_that_cannot_be_written_is_named(result, tmp_path):
+    (tmp_path / 'curve.csv').mkdir()
+    with refused(f'{tmp_path}/curve.csv: cannot be written (is a directory); choose a folder that '
+                 'exists on a disk with room and may be written to; not written either: '
+                 'px4_imu.params, report.html, allan_deviation.png'):
+        save_folder(result, tmp_path, ('px4',))
+    assert load_result(tmp_path / 'result.json') == result
+
+
 def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, tmp_path):
     save_folder(result, tmp_path, ('px4', 'basalt', 'kalibr'), report=False, picture=False)
     (tmp_path / CONSUMERS['gazebo'].file).write_text('<imu>of somebody else</imu>')
@@ -118,8 +127,8 @@ def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path, resu
     result = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=())
     other = replace(result, source=replace(result.source, path='other'))
     for path in {*save_folder(result, tmp_path, ['kalibr']),
-                 *folders.save_report(result, tmp_path), *folders.save_latex(result, tmp_path),
-                 *folders.save_comparison({'a': result, 'b': other}, tmp_path),
+                 *write_files(tmp_path, folders.report_files(result) | folders.latex_files(result)
+                              | folders.comparison_files({'a': result, 'b': other})),
                  *save_fleet(Fleet({'a': result, 'b': other}), tmp_path)}:
         before = path.read_bytes()
         path.write_text('of the user')

@@ -26,7 +26,7 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, counted, duration, rounded, SENSORS, spoken
 from imu_allan.writers.answer import worst_of
-from imu_allan.writers.atomic import write_in
+from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
@@ -167,8 +167,10 @@ def _link(fleet: Fleet, unit: str) -> str | None:
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``."""
     with folder_lock(folder):
-        return [write_in(folder, name, writer(fleet).encode()) for name, writer in (
-            ('fleet.json', fleet_json), ('fleet.csv', fleet_csv), ('fleet.html', fleet_html))]
+        return write_files(folder, {
+            'fleet.json': lambda: fleet_json(fleet).encode(),
+            'fleet.csv': lambda: fleet_csv(fleet).encode(),
+            'fleet.html': lambda: fleet_html(fleet).encode()})
 
 
 def fleet_json(fleet: Fleet) -> str:
