@@ -13,16 +13,13 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 import json
 from types import NoneType, UnionType
-from typing import Any, cast, get_args, get_origin, get_type_hints, Literal, TypeVar, Union
+from typing import Any, cast, get_args, get_origin, get_type_hints, TypeVar, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 Kind = TypeVar('Kind')
 State = dict[str, NDArray[Any]]
-
-_LARGEST = 1e100
-"""Far beyond any sum of samples; sums of such numbers could overflow."""
 
 
 class Record:
@@ -32,8 +29,8 @@ class Record:
         """Return an independent copy."""
         return cast(Kind, _copied(self, {}))
 
-    def check(self) -> None:
-        """Raise ValueError if the restored fields are inconsistent."""
+    def complete(self) -> None:
+        """Add what a state leaves out; called after the fields are restored."""
 
 
 def _copied(value: Any, seen: dict[int, Any]) -> Any:
@@ -65,10 +62,7 @@ def _plain(value: Any, path: str, arrays: State) -> Any:
     """Return the part of a value that JSON stores; put its arrays into `arrays`."""
     if isinstance(value, np.ndarray):
         # Copied, because another thread saves it later.
-        arrays[path] = array = value.copy()
-        if array.dtype.kind == 'f':
-            # A message may hold any number. This large, it is as unusable as an infinite one.
-            array[np.abs(array) > _LARGEST] *= np.inf
+        arrays[path] = value.copy()
         return None
     within = f'{path}/' if path else ''
     if is_dataclass(value):
@@ -88,7 +82,7 @@ def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
 
 
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
-    """Restore a record; KeyError, TypeError or ValueError if a part is not as `state_of` gives."""
+    """Restore a record from what `state_of` returned; KeyError if a part is missing."""
     arrays = {name: array for name, array in state.items() if array.dtype.kind != 'U'}
     plain = {name: None if name in arrays else json.loads(str(state[name]))
              for name in _hints(cast(Any, kind))}
@@ -105,58 +99,29 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
     """Build a value of a type from its saved parts."""
     origin, parts = get_origin(kind), get_args(kind)
     within = f'{path}/' if path else ''
-    if kind is Any or (origin is Literal and plain in parts):
-        return plain
     if origin in (Union, UnionType):
-        if plain is None and path not in arrays and NoneType in parts:
+        if plain is None and path not in arrays:
             return None
         kind = next(part for part in parts if part is not NoneType)
         return _built(kind, plain, arrays, path)
     if origin is np.ndarray:
-        array = arrays[path]
-        if array.dtype != np.dtype(get_args(parts[1])[0]):
-            raise TypeError(f'{path} is of {array.dtype}')
-        if array.dtype.kind == 'f' and np.any((np.abs(array) > _LARGEST) & np.isfinite(array)):
-            raise ValueError(f'{path} holds larger numbers than samples add up to')
-        return array.copy()
-    make: Any = kind
+        return arrays[path].copy()
     if is_dataclass(kind):
-        hints = _hints(make)
-        if set(plain) != set(hints):
-            raise KeyError(f'parts of {path}')
         built = {name: _built(hint, plain[name], arrays, within + name)
-                 for name, hint in hints.items()}
-        record = make(**{part.name: built[part.name] for part in fields(kind) if part.init})
-        for part in fields(kind):
-            if not part.init:
-                setattr(record, part.name, built[part.name])
+                 for name, hint in _hints(cast(Any, kind)).items()}
+        make: Any = kind
+        record = make(**{part.name: built.pop(part.name) for part in fields(kind) if part.init})
+        vars(record).update(built)
         if isinstance(record, Record):
-            _like_defaults(record, path)
-            record.check()
+            record.complete()
         return record
-    if origin is list and isinstance(plain, list):
+    if origin is list:
         return [_built(parts[0], part, arrays, f'{within}{at}') for at, part in enumerate(plain)]
-    if origin is tuple and isinstance(plain, list):
+    if origin is tuple:
         each = parts[:1] * len(plain) if parts[-1] is Ellipsis else parts
         return tuple(_built(part, value, arrays, f'{within}{at}') for at, (part, value)
                      in enumerate(zip(each, plain, strict=True)))
-    if origin is dict and isinstance(plain, dict):
+    if origin is dict:
         return {parts[0](key): _built(parts[1], value, arrays, f'{within}{key}')
                 for key, value in plain.items()}
-    if kind is float and type(plain) in (int, float):
-        return float(plain)
-    if type(plain) is kind:
-        return plain
-    raise TypeError(f'{path} is {plain!r:.40}')
-
-
-def _like_defaults(record: Record, path: str) -> None:
-    """Refuse lists and arrays whose size differs from that of their defaults."""
-    for part in fields(cast(Any, record)):
-        if not callable(part.default_factory):
-            continue
-        default, value = part.default_factory(), getattr(record, part.name)
-        wrong = (isinstance(default, list) and default and len(value) != len(default)) or (
-            isinstance(default, np.ndarray) and value.shape[1:] != default.shape[1:])
-        if wrong or (isinstance(default, np.ndarray) and value.ndim != default.ndim):
-            raise ValueError(f'{path}/{part.name} has another size')
+    return plain

@@ -66,11 +66,6 @@ class Group(Record):
     moved: bool = False    # whether their means are others in the next block
     latest: LatestRows = field(default_factory=LatestRows)
 
-    def check(self) -> None:
-        """Raise ValueError if axes and their names differ in number."""
-        if self.columns.shape != (self.estimator.axes,):
-            raise ValueError('axes of an estimator and their names differ in number')
-
     def part(self, some: Bools) -> Group:
         """Return a group of some of the axes, which continue on their own."""
         return replace(self, columns=self.columns[some],

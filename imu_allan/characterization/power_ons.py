@@ -36,14 +36,6 @@ class Mark(Record):
     # Axes whose samples of this period were cut off at an end, so that their mean is invalid
     cut_off: list[str]
 
-    def check(self) -> None:
-        """Raise ValueError if a mean or a number of samples is impossible."""
-        absurd = 2.0**62   # no lifetime has more samples, and no sensor so large a mean
-        if self.samples.keys() != self.means.keys() or not all(
-                0 <= samples < absurd for samples in self.samples.values()) or not all(
-                abs(mean) < absurd for mean in self.means.values()):
-            raise ValueError('a mean of a power-on is none')
-
 
 def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
     """Return the state of a run at the end of its latest power-on; `ended` are those before."""

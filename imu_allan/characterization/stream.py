@@ -61,12 +61,6 @@ class _Memory(Record):
     # Readings from before the first sample
     before: Thermometer = field(default_factory=Thermometer)
 
-    def check(self) -> None:
-        """Raise ValueError if an axis is in two groups."""
-        known = [column for group in self.groups for column in group.columns.tolist()]
-        if len(set(known)) != len(known) or not set(known) <= set(range(len(AXES))):
-            raise ValueError('an axis stands in two groups')
-
 
 class Characterization:
     """
@@ -362,18 +356,20 @@ class Characterization:
         """
         Restore a characterization from the result of `to_state`.
 
+        The arrays have to be those that `to_state` returned, under the same names.
+
         Raises
         ------
         ImuAllanError
-            If the state is not that of a characterization.
+            If a part is missing.
 
         """
         self = cls.__new__(cls)
-        self._timeline = TimelineStage.from_state(part_of(state, 'timeline'))
         try:
+            self._timeline = TimelineStage.from_state(part_of(state, 'timeline'))
             self._memory = restored(_Memory, part_of(state, 'memory'))
-        except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
-            raise ImuAllanError(f'saved characterization is damaged: {error}') from error
+        except KeyError as error:
+            raise ImuAllanError(f'saved characterization: {error.args[0]} is missing') from error
         return self
 
 

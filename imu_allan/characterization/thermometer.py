@@ -231,10 +231,3 @@ class Thermometer(Record):
         lows, means, highs = zip(*shown, strict=True)
         return None if not any(mean is not None for mean in means) else Signal(
             width * dt, lows, means, highs)
-
-    def check(self) -> None:
-        """Raise ValueError if restored fields do not belong together."""
-        if (self.width < 1 or self.keys.ndim != 1 or self.readings.shape != (4, len(self.keys))
-                or self.runs.shape[1:] != (7,)
-                or (np.diff(self.keys) <= 0).any() or (self.readings[1] < 1).any()):
-            raise ValueError('arrays of the thermometer do not fit together')

@@ -167,12 +167,6 @@ class Seen(Record):
         """Return the finding that the user should know; its code is `repeated_part`."""
         return [finding('repeated_part', messages=self._repeated)] if self._repeated else []
 
-    def check(self) -> None:
-        """Raise ValueError if the attributes are inconsistent."""
-        if (len(self.samples) != len(self.stamps) or len(self.stamps) > _MOST
-                or self.every < 1 or self.count < 0 or self.last_ns < 0):
-            raise ValueError('what is remembered of earlier samples is damaged')
-
     def unseen(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Yield the samples of these blocks that are not repetitions."""
         # A short recording that is played fast may start several times in one block.

@@ -86,11 +86,6 @@ class Content(Record):
         return len(alone) == 1 and (
             bool(np.median(made) < 2.5 * made.min()) if len(made) else not self.settled)
 
-    def check(self) -> None:
-        """Reject values of another number of axes."""
-        if {len(self.last), len(self.noise)} - {0, 6}:
-            raise ValueError('values are not those of six axes')
-
     def has_no_repeats(self, samples: Array) -> bool:
         """Return quickly whether more repeats than by chance are excluded."""
         if self.held or self.run or not self.settled:

@@ -21,11 +21,6 @@ class Excursions(Record):
     # Start and duration in seconds, number of the axis, and size in its unit.
     found: list[list[float]] = field(default_factory=list)
 
-    def check(self) -> None:
-        """Reject tables of another width."""
-        if {len(block) for block in self.blocks} - {7} or {len(one) for one in self.found} - {4}:
-            raise ValueError('excursions are not those of six axes')
-
     def take(self, means: Array, start_s: float, window_s: float) -> None:
         """Add the means of windows at rest, shape (n, 6), of which the first is at `start_s`."""
         first = 0

@@ -146,11 +146,6 @@ class Decision(Record):
     # Reasons for decisions that the user should know: figures by the code of a finding.
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
-    def check(self) -> None:
-        """Reject a pace at which time does not advance."""
-        if not self.pace.interval_ns > 0:
-            raise ValueError('an interval is not positive')
-
     def rate_error(self, steps: int) -> float:
         """Bound the relative error of a rate over `steps`: stamps are uniform within a batch."""
         return sqrt(12) * self.pace.spread / max(steps, 1)

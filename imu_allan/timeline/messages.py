@@ -27,17 +27,6 @@ class Pending(Record):
     # A running count, as asking each block for its length costs more than its messages do.
     messages: int = 0
 
-    def check(self) -> None:
-        """Reject blocks whose arrays differ in length."""
-        for block in self.blocks:
-            n = len(block)
-            if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
-                    block.absent.shape) != ((n,), (n,), (n, 6), (n, 2)) or (
-                    block.numbers is not None and block.numbers.shape != (n,)):
-                raise ValueError('messages are missing')
-        if self.messages != sum(map(len, self.blocks)):
-            raise ValueError('messages are missing')
-
     def append(self, block: ImuBlock) -> None:
         """Append the messages of a block."""
         self.blocks.append(block)

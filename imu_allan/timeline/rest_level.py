@@ -78,12 +78,6 @@ class RestLevel(Record):
     lately: Array = field(default_factory=lambda: np.empty((0, 19)))
     quieter: int = 0  # number of windows in a row that are far quieter than the baseline
 
-    def check(self) -> None:
-        """Reject tables of another width."""
-        if (self.first is not None and self.first.shape != (12,)) or [
-                part.shape for part in vars(self.baseline).values()] != [(12,), (12,), (6,), (6,)]:
-            raise ValueError('the level of rest is not that of six axes')
-
     @classmethod
     def of(cls, held: list[Segment], windows: Windows) -> 'RestLevel':
         """Determine the first baseline from the windows held back."""

@@ -101,13 +101,9 @@ class TimelineStage(Record):
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
-        """Restore a stage from the result of `to_state`."""
-        try:
-            memory = restored(Memory, state)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise ImuAllanError(f'saved timeline is damaged: {error}') from error
+        """Restore a stage from the result of `to_state`; KeyError if a part is missing."""
         stage = cls()
-        stage._use(memory)
+        stage._use(restored(Memory, state))
         return stage
 
     def summary(self) -> TimelineSummary:

@@ -42,13 +42,6 @@ class Segment(Record):
     loudness: Array = field(default_factory=lambda: np.empty((0, 12)))
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
-    def check(self) -> None:
-        """Reject rows and windows that do not belong together."""
-        if (sum(map(len, self.rows)) != self.held or len(self.means) != len(self.loudness)
-                or len(self.moving) > len(self.means) or any(
-                    rows.ndim != 2 or rows.shape[1] != 6 for rows in self.rows)):
-            raise ValueError('rows are missing')
-
     def joined(self) -> Array:
         """Return all rows held, as one array."""
         if len(self.rows) > 1:

@@ -53,7 +53,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     no_state = 'it is not a state file of imu_allan'
     cases = [
         ('damaged', whole[:100], [], 'its checksum is wrong'),
-        ('damaged', whole, [], 'its arrays do not belong together (setup is missing)'),
+        ('damaged', whole, [], "a part is missing ('setup')"),
         ('foreign', b'a photo of my robot', [], no_state),
         ('newer', framed(b'from the future', 99), [],
          f'it has version 99, this imu_allan reads {VERSION}'),
@@ -241,15 +241,13 @@ def assert_damaged(content):
 
 
 @settings(max_examples=300, deadline=None)
-@given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255),
-       payload=strategies.binary(max_size=400))
-def test_a_state_changed_or_cut_anywhere_or_of_any_payload_is_unusable(position, flip, payload):
+@given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255))
+def test_a_state_changed_or_cut_anywhere_is_unusable(position, flip):
     mutated = bytearray(CONTENT)
     mutated[position] ^= flip
     with pytest.raises(UnusableState):
         decode_state(bytes(mutated))
     assert_damaged(CONTENT[:position])
-    assert_damaged(framed(payload))
 
 
 def test_pickles_are_never_loaded(tmp_path):

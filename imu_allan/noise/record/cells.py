@@ -46,13 +46,6 @@ class Cells:
         """Return a selection of the cells."""
         return Cells(self.keys[part], self.sums[:, part], self.counts[part])
 
-    def check(self, axes: int) -> None:
-        """Raise ValueError if restored fields are not a consistent series of `axes` axes."""
-        if (self.keys.ndim != 1 or self.sums.shape != (axes, len(self.keys))
-                or self.counts.shape != self.keys.shape
-                or np.any(np.diff(self.keys) <= 0) or np.any(self.counts < 1)):
-            raise ValueError('cells do not fit together')
-
 
 def no_cells(axes: int) -> Cells:
     """Return an empty series of `axes` axes."""

@@ -143,13 +143,6 @@ class Census(MultiAxis):
         self.equal_pairs &= other.equal_pairs
         self.samples += other.samples
 
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        if not self.has_shapes_of(Census(self.axes)) or any(
-                np.any((counts < 0) | (counts > self.samples))
-                for counts in (self.at_ends, self.zeros, self.sizes)):
-            raise ValueError('counts of the samples do not fit together')
-
 
 def _step_of(rows: Array) -> Array:
     """Return the smallest change between consecutive samples, shape (axes,)."""

@@ -310,28 +310,14 @@ class Estimator(MultiAxis):
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> 'Estimator':
         """
-        Restore an estimator from the result of `to_state`.
+        Restore an estimator from the result of `to_state`; KeyError if a part is missing.
 
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If the state is not that of an estimator.
-
+        The parts are not checked: the arrays have to be as `to_state` returned them.
         """
         return restored(cls, state)
 
-    def check(self) -> None:
-        """Allocate the chunk; raise ValueError if restored fields are inconsistent."""
-        parts = self.pyramid, self.periodogram, self.signal, self.census
-        if (any(part.axes != self.axes for part in parts)
-                or self.chunk.shape != (self.axes, self.held) or self.held >= CHUNK
-                or (self.reference is None) != (self.samples == 0)
-                or (self.reference is not None and self.reference.shape != (self.axes,))
-                or any(later <= one for one, later in pairwise(
-                    [-1, *self.interpolated_rows, self.held]))
-                or not 0 <= self.run < MOST_RUNS or not 0 <= self.interpolated <= self.samples
-                or self.held > self.samples or self.first < 0):
-            raise ValueError('arrays of the estimator do not fit together')
+    def complete(self) -> None:
+        """Allocate the rest of the chunk."""
         chunk = self.chunk
         self.chunk = np.zeros((self.axes, CHUNK))
         self.chunk[:, :self.held] = chunk

@@ -77,13 +77,6 @@ class InterpolationSums(Record):
         self.shared += other.shared
         self.pairs += other.pairs
 
-    def check(self) -> None:
-        """Raise ValueError if the sums cannot be those of a record."""
-        # The comparisons are written so that NaN fails.
-        if len(self.shared) != LAGS or len(self.pairs) != LAGS or not np.all(
-                (np.abs(self.shared) <= self.pairs) & (self.pairs < np.inf)):
-            raise ValueError('sums over pairs of samples are out of range')
-
     def interpolation(self, share: float) -> Interpolation:
         """Return the mean over all pairs, for a record with this share of interpolated samples."""
         if not share:

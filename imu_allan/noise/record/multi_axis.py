@@ -22,7 +22,7 @@ class MultiAxis(Record):
 
     def __post_init__(self) -> None:
         """Initialize to empty, even if a state will be restored afterwards."""
-        # More than any sensor has; limits what a damaged state may declare.
+        # More than any sensor has.
         if not 1 <= self.axes <= 1024:
             raise ValueError(f'axes must be 1 to 1024, not {self.axes}')
         self.begin()
@@ -30,11 +30,6 @@ class MultiAxis(Record):
     def begin(self) -> None:
         """Initialize the fields that are not arguments."""
         raise NotImplementedError
-
-    def has_shapes_of(self, new: 'MultiAxis') -> bool:
-        """Return whether all arrays have the shapes of those of a new instance."""
-        return all(part.shape == vars(new)[name].shape for name, part in vars(self).items()
-                   if isinstance(part, np.ndarray))
 
     def keep(self, axes: list[int]) -> None:
         """Keep only the given axes, in this order."""

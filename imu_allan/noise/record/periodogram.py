@@ -191,14 +191,6 @@ class Stage(MultiAxis):
             own.blocks += theirs.blocks
             own.excess += theirs.excess
 
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        self.waiting.check(self.axes)
-        for length, own in self.sums.items():
-            if (length not in _LENGTHS or own.power.shape != (self.axes, length)
-                    or own.blocks < 1 or not 0 <= own.excess <= own.blocks):
-                raise ValueError(f'blocks of {length} points do not fit together')
-
 
 @dataclass(eq=False)
 class Periodogram(MultiAxis):
@@ -303,14 +295,6 @@ class Periodogram(MultiAxis):
         self.cell = cell
         self._bound_series()
         self.samples += other.samples
-
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        self.series.check(self.axes)
-        if (self.cell < 1 or self.cell & (self.cell - 1)
-                or not 1 <= len(self.stages) <= _MAX_STAGES
-                or any(part.axes != self.axes for part in (self.segments, *self.stages))):
-            raise ValueError('parts of the spectrum do not fit together')
 
 
 def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:

@@ -123,16 +123,6 @@ class Pyramid(MultiAxis):
         self.counts[:octaves] += other.counts
         self.start_segment()
 
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        stages = len(self.tails)
-        if (stages >= _MAX_STAGES or self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, self.axes)
-                or self.counts.shape != self.sums.shape[:1] or len(self.odd) != stages + 1
-                or (self.counts < 0).any() or not {0, 1}.issuperset(self.odd)
-                or any(part.shape != (self.axes, min(part.shape[-1], most)) for part, most in (
-                    (self.newest, _TAIL), *((tail, OVERLAP) for tail in self.tails)))):
-            raise ValueError('arrays of the pyramid do not fit together')
-
 
 def _square_sums(rows: Array) -> Array:
     """Return the sum of squares of each row, shape (axes,), four times as fast as einsum."""

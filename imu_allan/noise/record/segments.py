@@ -141,10 +141,3 @@ class Segments(MultiAxis):
             self.power[:, at] += theirs.power[:, number]
             self.dof[at] += theirs.dof[number]
         self.samples += theirs.samples
-
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        if (not self.has_shapes_of(Segments(self.axes)) or (self.dof < 0).any()
-                or self.width < SHORTEST_SEGMENT or self.width & (self.width - 1)
-                or not 0 <= self.samples <= SEGMENTS * self.width):
-            raise ValueError('arrays of the segments do not fit together')

@@ -148,12 +148,6 @@ class Signal(MultiAxis):
         self.high[:, there] = theirs.high[:, :count] + shift[:, None]
         self.place = begin * self.width + theirs.place
 
-    def check(self) -> None:
-        """Raise ValueError if restored fields are inconsistent."""
-        if (not self.has_shapes_of(Signal(self.axes)) or self.width < 1 or self.place < 0
-                or (self.counts < 0).any() or (self.counts > self.width).any()):
-            raise ValueError('arrays of the signal do not fit together')
-
     def _widen(self) -> None:
         """Merge neighbouring columns in pairs."""
         self.counts, self.sums = in_pairs(self.counts, 0), in_pairs(self.sums, 1)
