@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Disks that are full, devices, links of others, kills while writing; the table of faults."""
+"""Disks that are full, devices, kills while writing; the table of faults."""
 
 from contextlib import contextmanager
 import json
@@ -8,7 +8,6 @@ import os
 from pathlib import Path
 from random import Random
 import re
-import shutil
 import signal
 import socket
 import stat
@@ -17,20 +16,14 @@ import sys
 import time
 
 from imu_allan import analyze
-from imu_allan.analysis import Choice
-from imu_allan.cli.tasks import characterize, Task
-from imu_allan.errors import ImuAllanError
-from imu_allan.writers import output_path
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.output_path import folder_lock
 from imu_allan.writers.result_file import load_result, save_result
 import pytest
 from repeated import slow
-from whole_lines import unwritable, Varying
+from whole_lines import unwritable
 
 ROOT = Path(__file__).parents[1]
 READ_ONLY = 'Read-only file system'
-SOMEBODY_ELSE = 12345
 
 
 @pytest.fixture(scope='module')
@@ -116,14 +109,12 @@ def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path, kills, fe
 
 
 @pytest.mark.parametrize(('kind', 'reason'), [
-    ('null', None), ('full', 'No space left on device'), ('pipe', 'No such device or address'),
+    ('null', None), ('full', 'No space left on device'),
     ('socket', 'No such device or address')])
 def test_a_device_is_written_to_and_what_takes_no_bytes_is_one_line_and_stays(
         tmp_path, short_recording, output_of, fails_with, kind, reason):
     target = tmp_path / 'x'
-    if kind == 'pipe':
-        os.mkfifo(target)
-    elif kind == 'socket':
+    if kind == 'socket':
         socket.socket(socket.AF_UNIX).bind(str(target))
     else:
         try:
@@ -155,37 +146,6 @@ def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, short_re
     assert '3,000 samples at 100 Hz, 30 s' in text[end:].splitlines()
 
 
-def shared_folder(folder):
-    """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
-    folder.mkdir()
-    folder.chmod(0o1777)
-    return folder
-
-
-def test_a_link_planted_in_a_shared_folder_is_not_followed(tmp_path, short_recording, fails_with):
-    precious = tmp_path / 'precious' / 'result.json'
-    precious.parent.mkdir()
-    precious.write_text('mine')
-    shared = shared_folder(tmp_path / 'shared')
-    file, folder = shared / 'file', shared / 'folder'
-    for link, target in ((file, precious), (folder, precious.parent)):
-        link.symlink_to(target)
-        try:
-            os.lchown(link, SOMEBODY_ELSE, SOMEBODY_ELSE)
-        except PermissionError:
-            pytest.skip('acting as another user needs root')
-    why = 'is a link that another user put into a folder that everybody may write to'
-    for option, link, output in (('--json', file, file),
-                                 ('--output', folder, folder / 'result.json')):
-        fails_with(unwritable(output, f'{link} {why}'), 'analyze', short_recording, option, link)
-    for output in (folder / 'sim', folder / 'deeper' / 'sim'):
-        fails_with(f'{output}: cannot be created ({folder} {why}); choose a folder that may be '
-                   'written to',
-                   'simulate', 'consumer_mems', '--duration', '1s', '--output', output)
-    assert [*precious.parent.iterdir()] == [precious]
-    assert precious.read_text() == 'mine'
-
-
 def test_the_way_through_ones_own_links_and_dots_is_that_of_the_system(tmp_path):
     (tmp_path / 'deep' / 'er').mkdir(parents=True)
     (tmp_path / 'absolute').symlink_to(tmp_path / 'deep' / 'er')
@@ -204,69 +164,6 @@ def test_a_private_file_is_read_by_nobody_else_and_the_umask_stays(tmp_path, mon
     write_atomically(tmp_path / 'file', b'content', private=True)
     assert (tmp_path / 'file').read_bytes() == b'content'
     assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o600
-
-
-SWAPS_A_LINK = """
-import os, random, sys, time
-os.setuid(int(sys.argv[1]))
-link, target = sys.argv[2:]
-print('ready', flush=True)
-while True:
-    try:
-        os.symlink(target, link)
-        time.sleep(random.random() * 0.003)
-        os.unlink(link)
-        time.sleep(random.random() * 0.003)
-    except OSError:
-        pass
-"""
-
-
-def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path):
-    # 3 in 1000 writes went to the other folder before.
-    if os.name != 'posix' or os.geteuid() != 0:
-        pytest.skip('acting as another user needs root')
-    shared, precious = shared_folder(tmp_path / 'shared'), tmp_path / 'precious'
-    # The other user has to get there.
-    for above in shared.parents:
-        above.chmod(above.stat().st_mode | 0o111)
-    precious.mkdir()
-    (precious / 'result.json').write_text('mine')
-    written = refusals = 0
-    line = Varying(unwritable(shared / 'out' / 'result.json', '<words>'))
-    with subprocess.Popen([sys.executable, '-I', '-c', SWAPS_A_LINK, str(SOMEBODY_ELSE),
-                           str(shared / 'out'), str(precious)], stdout=subprocess.PIPE) as other:
-        try:
-            other.stdout.readline()
-            # On a busy computer the other user seldom comes to its turn.
-            end = time.monotonic() + 2.0
-            while time.monotonic() < end or (
-                    min(written, refusals) <= 10 and time.monotonic() < end + 60):
-                try:
-                    write_atomically(shared / 'out' / 'result.json', b'x')
-                except ImuAllanError as error:
-                    assert str(error) == line
-                    refusals += 1
-                else:
-                    written += 1
-                    shutil.rmtree(shared / 'out', ignore_errors=True)
-                assert [path.name for path in precious.iterdir()] == ['result.json']
-                assert (precious / 'result.json').read_text() == 'mine'
-        finally:
-            other.kill()
-    assert written > 10
-    assert refusals > 10
-
-
-def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, short_recording, monkeypatch):
-    monkeypatch.setattr(output_path, 'LOCK_TIMEOUT_S', 0.1)
-    with folder_lock(tmp_path / 'out'):
-        result, error = characterize(Task(str(short_recording), Choice(), folder=tmp_path / 'out'))
-    assert result.axes
-    assert str(error) == (
-        f'{tmp_path}/out: cannot be written (another process writes to it); choose another '
-        'folder, or wait until it has ended')
-    assert not list((tmp_path / 'out').iterdir())
 
 
 def test_every_fault_of_the_page_names_a_test_that_exists():

@@ -24,8 +24,7 @@ from imu_allan.cli.tasks import folder_names, Task
 from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import raise_if_interrupted
-from imu_allan.writers.atomic import RESULT
-from imu_allan.writers.output_path import require_writable
+from imu_allan.writers.atomic import require_writable, RESULT
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice

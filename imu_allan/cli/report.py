@@ -36,7 +36,6 @@ def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
     from imu_allan.writers import folder
     from imu_allan.writers.atomic import write_files
-    from imu_allan.writers.output_path import folder_lock
     from imu_allan.writers.result_file import load_result
 
     results = [load_result(path) for path in args.results]
@@ -58,8 +57,7 @@ def run(args: argparse.Namespace) -> int:
         names = names_of([Path(path) for path in args.results])
         named = dict(zip(names, results, strict=True))
         files = folder.comparison_files(named, pictures)
-    with folder_lock(args.output):
-        paths = write_files(args.output, files)
+    paths = write_files(args.output, files)
     if len(results) > 1:
         console = console_of()
         if len(named) > folder.MOST_COMPARED:

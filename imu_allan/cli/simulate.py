@@ -3,13 +3,12 @@
 """Write a recording of a simulated IMU."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, rate, whole_number
 from imu_allan.cli.progress import progress_bar
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -60,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
     if samples < 1:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '
                             f'--rate {args.rate:g}; simulate for longer')
-    _make_folder_above(output)
     # 2026-01-01, fixed so that the same command always writes the same file.
     blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
                               start_ns=1_767_225_600 * 10**9)
@@ -69,21 +67,6 @@ def run(args: argparse.Namespace) -> int:
         write_recording(output, _counted(blocks, progress), storage=args.storage)
     print(output)
     return 0
-
-
-def _make_folder_above(output: Path) -> None:
-    """Make the parent folder of the recording, without following links of another user."""
-    from imu_allan.writers.output_path import open_folder, resolved
-    if os.name != 'posix':
-        return
-    try:
-        os.close(open_folder(resolved(output.parent)))
-    except OSError as error:
-        reason = str(error.strerror or error)
-        if error.filename is not None and error.filename not in reason:
-            reason += f': {error.filename}'
-        raise ImuAllanError(f'{printable(output)}: cannot be created ({printable(reason)}); '
-                            'choose a folder that may be written to') from error
 
 
 def _counted(blocks: 'Iterator[ImuBlock]',

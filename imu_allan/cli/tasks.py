@@ -69,10 +69,8 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
         result = replace(result, inspection=task.inspection)
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
-        from imu_allan.writers.output_path import folder_lock
         try:
-            with folder_lock(task.folder):
-                save_folder(result, task.folder, task.exports)
+            save_folder(result, task.folder, task.exports)
         except ImuAllanError as error:
             return result, error
     return result, None

@@ -22,8 +22,7 @@ from typing import Any, IO
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import at_home
 from imu_allan.state import State
-from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.output_path import resolved
+from imu_allan.writers.atomic import resolved, write_atomically
 import numpy as np
 
 VERSION = 6

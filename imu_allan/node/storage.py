@@ -4,12 +4,11 @@
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
-import secrets
 import tempfile
 import time
 from typing import Any
@@ -24,20 +23,15 @@ from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
-from imu_allan.writers.output_path import folder_lock, open_folder, resolved
 
 
 def try_folder(output_dir: str) -> None:
     """Check that the output folder can be written to: create a file in it and remove it."""
-    expanded = at_home(output_dir, 'output_dir')
+    folder = at_home(output_dir, 'output_dir')
     try:
-        with ExitStack() as undone:
-            folder, name = open_folder(resolved(expanded)), f'.imu_allan.{secrets.token_hex(4)}'
-            undone.callback(os.close, folder)
-            handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
-            undone.callback(os.unlink, name, dir_fd=folder)
-            undone.callback(os.close, handle)
-            os.write(handle, b'x')
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+            file.write(b'x')
     except OSError as error:
         raise ImuAllanError(
             f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
@@ -245,8 +239,7 @@ class Storage:
                 f'{name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
             self._saved = run, result
             try:
-                with folder_lock(own):
-                    return save_folder(result, own, consumers, report=False, picture=picture)
+                return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
                 # Only an empty folder is removed: nothing could be written.
                 with suppress(OSError):

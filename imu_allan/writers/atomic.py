@@ -5,15 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import contextlib
+from contextlib import suppress
+import errno
 import os
 from pathlib import Path
 import re
 import secrets
-import stat
+import shutil
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.output_path import open_folder, resolved
 
 CONFIGURATION = 'configuration of a filter'
 """Kind of the files that `imu_allan.writers.filters` writes."""
@@ -40,6 +40,8 @@ Files = dict[str, Callable[[], bytes | None]]
 """What makes the content of each file by name; None leaves the file out."""
 _BEGINNING = 1 << 14
 """Bytes at the start of a file by which its kind is recognized."""
+_STANDARD = {'/dev/stdout': 1, '/dev/stderr': 2}
+"""Descriptors of the streams that a process was given."""
 
 
 def kind_of(beginning: bytes) -> str:
@@ -55,11 +57,10 @@ def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
 
     `kind` is one that `kind_of` returns. Links are followed, and empty files may be replaced.
     """
-    if _is_stream(path):
-        return
     # If the file cannot be read, the attempt to write reports the reason.
-    with contextlib.suppress(OSError):
-        _require_kind(str(path), str(resolved(path)), kind)
+    with suppress(OSError):
+        if not _is_stream(path):
+            _require_kind(path, resolved(path), kind)
 
 
 def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, str]) -> None:
@@ -105,94 +106,96 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
 
     The data are first synced to disk under a temporary name in the same folder. The file is
     renamed last, so a crash or power failure leaves the old file. Missing folders are created, and
-    the permissions of a replaced file are kept. Symbolic links are followed, except those of other
-    users in folders that everybody may write to. A file of another kind than `data` is not
-    replaced, since it may belong to the user. Anything but a regular file, such as ``/dev/stdout``
-    or a pipe, is written to and kept. With `private`, nobody else may read the file; otherwise the
-    umask decides.
+    the permissions of a replaced file are kept. Symbolic links are followed. A file of another
+    kind than `data` is not replaced, since it may belong to the user. Anything but a regular file,
+    such as ``/dev/stdout`` or a pipe, is written to and kept. With `private`, nobody else may read
+    the file; otherwise the umask decides.
     """
     try:
         if _is_stream(path):
-            _write_through(path, data)
-            return
-        target = resolved(path)
-        if os.name == 'posix':
-            folder = open_folder(target.parent)
-            try:
-                _replace(path, target.name, data, private, folder)
-                _sync(folder)
-            finally:
-                os.close(folder)
+            # What is printed follows at the same position, if a file stands behind the stream.
+            standard = _STANDARD.get(os.fspath(path))
+            opened = path if standard is None else os.dup(standard)
+            with open(opened, 'wb') as stream:  # noqa: PTH123
+                stream.write(data)
         else:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            _replace(path, str(target), data, private)
+            _replace(path, resolved(path), data, private)
     except OSError as error:
         raise ImuAllanError(
             f'{path}: cannot be written ({error.strerror or error}); '
             'choose a folder that exists on a disk with room and may be written to') from error
 
 
+def resolved(path: str | os.PathLike[str]) -> Path:
+    """
+    Return the absolute path without symbolic links.
+
+    Raises OSError for a link of another user in a folder like /tmp, where Linux forbids that
+    (fs.protected_symlinks).
+    """
+    with suppress(FileNotFoundError):
+        os.stat(path)  # noqa: PTH116
+    return Path(os.path.realpath(path))
+
+
+def require_writable(folder: str | os.PathLike[str]) -> None:
+    """
+    Raise ImuAllanError if a folder cannot be written to, before any work is done.
+
+    A missing folder is not created; instead, its nearest existing parent has to be a writable
+    folder. A full disk is not detected.
+    """
+    nearest = Path(os.path.abspath(folder))  # noqa: PTH100
+    try:
+        while not os.path.lexists(nearest):
+            nearest = nearest.parent
+        reason = ('is not a folder' if not nearest.is_dir() else
+                  '' if os.access(nearest, os.W_OK | os.X_OK) else
+                  f'lies on a {os.strerror(errno.EROFS)}'
+                  if os.statvfs(nearest).f_flag & os.ST_RDONLY else 'may not be written to')
+    except (OSError, ValueError) as error:
+        reason = f'cannot be looked at ({error})'
+    if reason:
+        raise ImuAllanError(f'{printable(folder)}: cannot be written ({printable(nearest)} '
+                            f'{reason}); choose a folder that may be written to')
+
+
 def _is_stream(path: str | os.PathLike[str]) -> bool:
     """Return whether `path` exists and is neither a regular file nor a folder."""
-    if _descriptor(path) is not None:
-        # Even if it leads to a file, others may be writing to it as well.
-        return True
-    try:
-        mode = os.stat(path).st_mode  # noqa: PTH116
-    except OSError:
-        return False
-    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+    given = Path(path)
+    # Even if standard output leads to a file, more is printed to it.
+    return os.fspath(path) in _STANDARD or (
+        given.exists() and not given.is_file() and not given.is_dir())
 
 
-def _descriptor(path: str | os.PathLike[str]) -> int | None:
-    """Return the file descriptor that a name such as ``/dev/stdout`` refers to, or None."""
-    text = os.fspath(path)
-    # A shell substitutes this for ``>(command)``.
-    named = re.fullmatch(r'/(?:dev|proc/self)/fd/(\d{1,4})', text)
-    return int(named[1]) if named else {'/dev/stdout': 1, '/dev/stderr': 2}.get(text)
-
-
-def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write to a device or a pipe that has a reader; refuse block devices."""
-    descriptor = _descriptor(path)
-    if descriptor is not None:
-        handle = os.dup(descriptor)
-    else:
-        handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-        os.set_blocking(handle, True)
-    with os.fdopen(handle, 'wb') as stream:
-        if stat.S_ISBLK(os.fstat(handle).st_mode):
-            raise OSError(None, 'is a disk, not a file')
-        stream.write(data)
-
-
-def _replace(path: str | os.PathLike[str], target: str, data: bytes, private: bool,
-             folder: int | None = None) -> None:
-    """Replace a file by `data`; its name is relative to `folder` if that is given."""
-    before = None
-    with contextlib.suppress(FileNotFoundError):
-        before = os.stat(target, dir_fd=folder, follow_symlinks=False).st_mode
-    if before is not None and stat.S_ISDIR(before):
+def _replace(path: str | os.PathLike[str], target: Path, data: bytes, private: bool) -> None:
+    if target.is_dir():
         raise IsADirectoryError(None, 'is a directory')
-    if before is not None and stat.S_ISREG(before) and (kind := kind_of(data[:_BEGINNING])):
-        _require_kind(str(path), target, kind, folder)
-    head, name = os.path.split(target)
-    temporary = os.path.join(head, f'.{name[:100]}.{secrets.token_hex(4)}')  # noqa: PTH118
+    exists = target.is_file()
+    if exists and (kind := kind_of(data[:_BEGINNING])):
+        _require_kind(path, target, kind)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f'.{target.name[:100]}.{secrets.token_hex(4)}')
     # Let the system apply the umask, which a process cannot read without changing it.
-    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if private else 0o666,
-                     dir_fd=folder)
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if private else 0o666)
     try:
         with os.fdopen(handle, 'wb') as file:
-            if not private and before is not None and stat.S_ISREG(before):
-                os.fchmod(handle, before & 0o777)
+            if exists and not private:
+                shutil.copymode(target, temporary)
             file.write(data)
             file.flush()
             os.fsync(handle)
-        os.replace(temporary, target, src_dir_fd=folder, dst_dir_fd=folder)
+        temporary.replace(target)
     except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary, dir_fd=folder)
+        temporary.unlink(missing_ok=True)
         raise
+    # Some network file systems cannot sync folders.
+    with suppress(OSError):
+        handle = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def _require_no_link(path: Path) -> None:
@@ -201,20 +204,10 @@ def _require_no_link(path: Path) -> None:
                             'folder; remove it')
 
 
-def _require_kind(path: str, name: str, kind: str, folder: int | None = None) -> None:
-    """Refuse to replace a file of another kind; `name` is relative to `folder` if given."""
-    with os.fdopen(os.open(name, os.O_RDONLY, dir_fd=folder), 'rb') as file:
+def _require_kind(path: str | os.PathLike[str], target: Path, kind: str) -> None:
+    """Refuse to replace a file of another kind."""
+    with target.open('rb') as file:
         beginning = file.read(_BEGINNING)
     if beginning and kind_of(beginning) != kind:
         raise ImuAllanError(f'{printable(path)}: exists and is no {kind}, so it is not replaced; '
                             'name another file, or remove this one')
-
-
-def _sync(folder: int) -> None:
-    # Some network file systems cannot sync folders, nor can a folder opened with O_PATH.
-    with contextlib.suppress(OSError):
-        handle = os.open('.', os.O_RDONLY, dir_fd=folder)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -31,7 +31,6 @@ from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
-from imu_allan.writers.output_path import folder_lock
 from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.plot import render
 from imu_allan.writers.terminal import bare_table, wrapped
@@ -166,11 +165,10 @@ def _link(fleet: Fleet, unit: str) -> str | None:
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``."""
-    with folder_lock(folder):
-        return write_files(folder, {
-            'fleet.json': lambda: fleet_json(fleet).encode(),
-            'fleet.csv': lambda: fleet_csv(fleet).encode(),
-            'fleet.html': lambda: fleet_html(fleet).encode()})
+    return write_files(folder, {
+        'fleet.json': lambda: fleet_json(fleet).encode(),
+        'fleet.csv': lambda: fleet_csv(fleet).encode(),
+        'fleet.html': lambda: fleet_html(fleet).encode()})
 
 
 def fleet_json(fleet: Fleet) -> str:
