@@ -50,7 +50,8 @@ def mounted(folder, options):
 def test_a_disk_that_fills_up_leaves_a_line_and_no_half_file(
         tmp_path, short_recording, fails_with):
     with mounted(tmp_path / 'small', 'size=160k') as disk:
-        fails_with(unwritable(disk / 'out' / '<words>', 'No space left on device'),
+        fails_with(unwritable(disk / 'out' / 'report.html', 'No space left on device')
+                   + '; not written either: allan_deviation.png',
                    'analyze', short_recording, '--output', disk / 'out')
         # What was complete before the disk was full is there and whole.
         assert {path.name for path in (disk / 'out').iterdir()} <= {
@@ -63,7 +64,9 @@ def test_a_disk_that_fills_up_leaves_a_line_and_no_half_file(
      f'{READ_ONLY}); choose a folder that may be written to'),
     ('simulate {model} --duration 1s --output {disk}/rec', '{disk}/rec: cannot be created '
      f'({READ_ONLY}: {{disk}}/.rec.unfinished); choose a folder that may be written to'),
-    ('report {result} --output {disk}/out', unwritable('{disk}/out/report.html', READ_ONLY)),
+    ('report {result} --format png --output {disk}/out', unwritable(
+        '{disk}/out/report.html', READ_ONLY)
+     + '; not written either: allan_deviation.png, gyro.png'),
     ('export {result} --for kalibr --output {disk}/x', unwritable('{disk}/x', READ_ONLY)),
     ('check {result} --spec {model} --json {disk}/x', unwritable('{disk}/x', READ_ONLY))],
     ids=['analyze', 'simulate', 'report', 'export', 'check'])
