@@ -3,6 +3,7 @@
 """One axis through the doors of a characterization: its result, and its warnings by code."""
 
 from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
@@ -19,6 +20,13 @@ N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 def unbiased(samples, gain, settled=0.0):
     """Do as imu_complementary_filter at rest: bias += gain * (sample - bias), of those before."""
     return (samples - lfilter([0, gain], [1, gain - 1], samples, axis=0))[int(settled / gain):]
+
+
+def streamed(blocks, path='bag', kind='recording', topic='/imu'):
+    """Return a characterization that has taken in blocks of messages."""
+    stream = Characterization(kind=kind, path=path, topic=topic)
+    stream.take(blocks)
+    return stream
 
 
 def celsius_at(seconds):

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from characterized import B, covers, messages, N, said, unbiased
-from imu_allan.characterization import Characterization
+from characterized import B, covers, messages, N, said, streamed, unbiased
 from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import SLOW_TERMS
@@ -28,9 +27,7 @@ def recorded(path, seed, change=None, *, model='noise_density: 0.005 deg/s/sqrt(
     rows[:, [2, 4, 5]] = np.nan
     if change is not None:
         change(rows)
-    stream = Characterization(kind='recording', path=path, topic='/imu')
-    stream.take([replace(messages(rows, rate_hz, gyro_alone=gyro_alone), **fields)])
-    return stream
+    return streamed([replace(messages(rows, rate_hz, gyro_alone=gyro_alone), **fields)], path)
 
 
 @pytest.fixture(scope='module')
@@ -196,6 +193,5 @@ def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
 def test_recordings_that_are_no_series_are_refused(nights):
     with refused('a joint result needs at least two recordings'):
         joint_result(nights[:1])
-    empty = Characterization(kind='recording', path='empty', topic='/imu')
     with refused('empty: holds no usable sample; leave it out'):
-        joint_result([nights[0], empty])
+        joint_result([nights[0], streamed([], 'empty')])

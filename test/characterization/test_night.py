@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from characterized import B, celsius_at, in_blocks, K, messages, N, said, START_NS
+from characterized import B, celsius_at, in_blocks, K, messages, N, said, START_NS, streamed
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
@@ -34,8 +34,7 @@ def stamps_of(seconds):
 
 
 def result_of(rows, readings, celsius, *, gyro_alone=True):
-    stream = Characterization(kind='topic')
-    stream.take(in_blocks(rows, RATE, gyro_alone=gyro_alone))
+    stream = streamed(in_blocks(rows, RATE, gyro_alone=gyro_alone))
     stream.take_temperature(stamps_of(readings), celsius)
     return stream.result()
 
@@ -102,10 +101,9 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(rows):
     def set_by_a_day(stamps):
         return stamps + np.where(stamps > stamps_of(2500.0), 86_400_000_000_000, 0)
 
-    stream = Characterization(kind='topic')
     # The driver's clock is set by a day; the receive clock goes on.
-    stream.take(replace(block, header_ns=set_by_a_day(block.header_ns)) for block in in_blocks(
-        rows[kept], RATE, kept, gyro_alone=True))
+    stream = streamed(replace(block, header_ns=set_by_a_day(block.header_ns))
+                      for block in in_blocks(rows[kept], RATE, kept, gyro_alone=True))
     stream.take_temperature(set_by_a_day(stamps_of(SECONDS[::20])), celsius_at(SECONDS[::20]))
     assert axis_of(stream.result()).per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
 

@@ -4,7 +4,7 @@
 
 import json
 
-from characterized import B, ends, in_blocks, K, N, said
+from characterized import B, ends, in_blocks, K, N, said, streamed
 from imu_allan import analyze
 from imu_allan.characterization import Characterization
 from imu_allan.noise.simulate import simulate
@@ -33,9 +33,7 @@ def still_imu(samples):
 
 
 def characterized(rows, index=None):
-    stream = Characterization(kind='recording', path='bag', topic='/imu')
-    stream.take(in_blocks(rows, RATE, index))
-    return stream.result()
+    return streamed(in_blocks(rows, RATE, index)).result()
 
 
 def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis():
@@ -184,9 +182,8 @@ def test_a_state_without_a_part_is_refused(part):
 def test_every_container_and_batch_gives_the_same_result_to_the_last_bit(tmp_path, monkeypatch):
     # Most of the time goes into the fits: one axis has values.
     rows = np.where(np.arange(6) == 2, still_imu(30_000), np.nan)
-    stream = Characterization(kind='recording', topic='/imu/data_raw')
-    stream.take(in_blocks(rows, RATE, size=777, gyro_alone=True))
-    expected = with_words(stream.result()).to_dict()
+    whole = streamed(in_blocks(rows, RATE, size=777, gyro_alone=True), None, topic='/imu/data_raw')
+    expected = with_words(whole.result()).to_dict()
     for storage in ('mcap', 'sqlite3'):
         bag = write_recording(tmp_path / storage, in_blocks(rows, RATE, gyro_alone=True),
                               storage=storage)
