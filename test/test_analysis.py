@@ -1,12 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording in, a result out: where it begins."""
+"""A recording in, a result out: where it begins, and that the same messages count once."""
 
 from os import PathLike
 
 from imu_allan.analysis import analyze
+from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
+from imu_allan.recordings.same_recording import Fingerprint
 from imu_allan.wording import origin_of
 from imu_allan.writers.filters import export
 import numpy as np
@@ -15,6 +17,8 @@ from whole_lines import refused
 
 RATE = 5.0
 TIME = np.arange(36_000) / RATE
+MANY = 20_000
+ROWS = np.random.default_rng(0).normal(size=(MANY, 6))
 
 
 @pytest.fixture
@@ -66,6 +70,37 @@ def test_the_same_recording_given_twice_is_refused(written, first, other):
         with refused(f'{one} and {two} hold the same messages, which would count twice; give each '
                      'recording of the IMU once'):
             analyze([one, two])
+
+
+def fingerprint(*blocks):
+    found = Fingerprint()
+    list(found.watch([ImuBlock(stamps, stamps, samples, np.zeros((len(stamps), 2), bool), 'imu')
+                      for stamps, samples in blocks]))
+    return found
+
+
+@pytest.mark.parametrize('batch', [1, 5])
+@pytest.mark.parametrize('rows', [slice(5001, None), np.delete(np.arange(MANY), 6000)],
+                         ids=['part from within a batch', 'one lost'])
+def test_a_part_is_recognised_where_batches_share_a_stamp(batch, rows):
+    stamps = 10**18 + np.arange(MANY) // batch * batch * 10_000_000
+    assert fingerprint((stamps, ROWS)).shares_messages_with(
+        fingerprint((stamps[rows], ROWS[rows])))
+
+
+@pytest.mark.parametrize('batch', [1, 2, 8, 100, MANY])
+@pytest.mark.parametrize('step', [1, 2])
+def test_coarse_values_of_one_batch_are_not_the_same_by_chance(batch, step):
+    stamps = 10**18 + np.arange(MANY) // batch * batch * 10_000_000
+    coarse = np.round(ROWS / step) * step
+    coarse[:, 3:] = np.nan
+    assert not fingerprint((stamps, coarse)).shares_messages_with(
+        fingerprint((stamps, coarse[::-1])))
+
+
+def test_stamps_that_are_all_equal_take_no_memory():
+    # The limit and one block more.
+    assert fingerprint(*[(np.full(MANY, 7), ROWS)] * 20).kept <= 2**18 + MANY
 
 
 @pytest.mark.parametrize(('first', 'seed', 'ordered', 'repeated'), [

@@ -28,14 +28,14 @@ def test_names_from_a_recording_steer_neither_terminal_nor_page_nor_file(tmp_pat
     bag = write_recording(tmp_path / 'bag', blocks, topic='/' + HOSTILE)
     output = tmp_path / 'out'
     for arguments in (['info', bag], ['analyze', bag, '--output', output]):
-        status, out, err, *_ = run(*arguments, '--no-progress')
+        status, out, err = run(*arguments, '--no-progress', most_s=60.0)
         assert (status, err) == (0, '')
         assert_harmless_on_a_terminal(out)
         assert '\\x1b[31m' in out
     result = json.loads((output / 'result.json').read_text())
     assert result['source']['frame_id'] == HOSTILE
     assert '<script>alert(1)' not in (output / 'report.html').read_text()
-    status, out, _, *_ = run('export', output / 'result.json', '--for', 'kalibr')
+    status, out, _ = run('export', output / 'result.json', '--for', 'kalibr')
     assert status == 0
     assert_harmless_on_a_terminal(out)
     assert yaml.safe_load(out)['rostopic'] == printable('/' + HOSTILE)
@@ -53,11 +53,8 @@ def with_gaps(count):
 @pytest.mark.parametrize('count', [1000, slow(100_000)])
 def test_a_recording_of_many_parts_costs_the_process_time_in_proportion(tmp_path, count):
     path = write_recording(tmp_path / 'gaps', with_gaps(count))
-    _, out, error, seconds, kilobytes = run('analyze', path, '--no-progress', patience_s=3600.0)
-    assert 'Traceback' not in error
-    print(f'{count} gaps: {seconds:.1f} s of CPU, {kilobytes / 1000:.0f} MB')
     # A command that does nothing else takes 5 s on a slow computer.
-    assert seconds < 5.0 + 0.002 * count
-    assert kilobytes < 300_000
+    _, out, error = run('analyze', path, '--no-progress', most_s=5.0 + 0.002 * count)
+    assert 'Traceback' not in error
     # Of thousands the first are listed, in the file and on the page.
     assert len(out + error) < 20_000

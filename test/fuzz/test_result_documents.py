@@ -9,13 +9,12 @@ import json
 from random import Random
 import xml.etree.ElementTree as ET
 
-from imu_allan.characterization import Characterization
+from characterized import streamed
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.result import GaussMarkov, PowerLaw, Span, Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.report import report_html
 from imu_allan.writers.result_file import load_result
@@ -32,11 +31,8 @@ SPECIFICATION = ('name: Limits\ngyro: {noise_density: 0.3 deg/sqrt(h), rate_ramp
 
 def measured():
     """Characterize a minute of a simulated IMU; what it lacks of a long record is added."""
-    run = Characterization(kind='recording', path='a/b', topic='/imu', options=TimelineOptions())
-    for block in simulated_blocks(parse_model(SPECIFICATION), 100.0, 6000, start_ns=10**18):
-        run.update(block)
-    run.finish()
-    result = run.result()
+    result = streamed(simulated_blocks(
+        parse_model(SPECIFICATION), 100.0, 6000, start_ns=10**18), 'a/b').result()
     axes = dict(result.axes)
     axes['gyro_x'] = replace(axes['gyro_x'], tones=(Tone(13.0, 1e-3), Tone(26.0, 1e-4)),
                              weaker_tones=(Tone(5.0, 1e-5, 40),),

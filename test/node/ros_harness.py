@@ -24,7 +24,7 @@ from imu_allan.node.checkpoint import decode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Result, Timeline
+from imu_allan.result import Timeline
 from imu_allan.state import part_of
 from imu_allan.timeline import TimelineSummary
 import numpy as np
@@ -412,17 +412,6 @@ def half(name: str, seconds: float, start_s: float = 0.0, rate_hz: float = 0.0) 
                     seed=len(name) + round(start_s), frame_id=f'{name}_frame')
     block.samples[:, slice(3, 6) if name == 'gyro' else slice(3)] = 0
     return block
-
-
-def characterized(*blocks: ImuBlock) -> Characterization:
-    run = Characterization(kind='topic', topic='/imu')
-    for block in blocks:
-        run.update(block)
-    return run
-
-
-def result_of(*blocks: ImuBlock) -> Result:
-    return characterized(*blocks).result()
 
 
 class Sensor:

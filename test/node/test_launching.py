@@ -17,11 +17,12 @@ from types import ModuleType
 from typing import Any
 from unittest import mock
 
+from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.srv import GetParameters
 from repeated import slow
-from ros_harness import arguments, at_rest, Driver, lossless, PATIENCE_S, resident_mb, result_of
+from ros_harness import arguments, at_rest, Driver, lossless, PATIENCE_S, resident_mb
 from std_srvs.srv import SetBool
 from whole_lines import refused
 import yaml
@@ -142,7 +143,7 @@ def test_every_argument_reaches_the_node(ros):
     specification.write_text('gyro: {noise_density: 1 deg/sqrt(h)}\n')
     file.write_text('/**: {ros__parameters: {publish_period: 0.5, coast: 30.0}}')
     reference = ros.folder / 'reference.json'
-    reference.write_text(result_of(at_rest(3000)).to_json())
+    reference.write_text(streamed([at_rest(3000)]).result().to_json())
     given = {'name': 'noise', 'namespace': f'{ros.namespace.lstrip("/")}/front',
              'params_file': str(file), 'gyro_topic': 'a/gyro', 'accel_topic': 'a/accel',
              'state_file': str(ros.folder / '2026'), 'output_dir': str(ros.folder / 'out'),

@@ -6,17 +6,13 @@ from dataclasses import replace
 import math
 
 from builtin_interfaces.msg import Time
+from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.finding import finding
+from imu_allan.node import diagnostics
 from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.diagnostics import (
-    diagnostics_message,
-    reception_conditions,
-    timeline_conditions,
-    waiting_for,
-)
 from imu_allan.node.log import Log
 from imu_allan.node.result_messages import result_messages
 from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
@@ -30,7 +26,7 @@ from imu_allan.writers.result_file import save_result
 from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
-from ros_harness import at_rest, characterized, entries, facts, result_of, summary
+from ros_harness import at_rest, entries, facts, summary
 from whole_lines import Varying
 
 STAMP = Time(sec=12, nanosec=34)
@@ -44,7 +40,7 @@ MODEL = 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'
 @pytest.fixture(scope='module')
 def result():
     """Give two axes of white noise, on which nothing is awaited, and K shows on the second."""
-    found = only(result_of(at_rest(3000)), 'gyro_')
+    found = only(streamed([at_rest(3000)]).result(), 'gyro_')
     found = replace(found, axes={name: found.axes[name] for name in ('gyro_x', 'gyro_y')})
     for key in found.axes['gyro_x'].coefficients:
         found = with_coefficient(found, '', key, observable_in_s=None)
@@ -52,7 +48,7 @@ def result():
 
 
 def shown(part, facts_, summary_, result=None):
-    array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
+    array = diagnostics.diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], result)
     [status] = [one for one in array.status if one.name == f'imu_allan: {part}']
     return status
 
@@ -161,7 +157,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
     for name, key, seconds in (('gyro_x', K, 5000.0), ('gyro_x', 'bias_instability', 900.0),
                                ('gyro_y', 'bias_instability', 1200.0)):
         result = with_coefficient(result, name, key, **UNSEEN, observable_in_s=seconds)
-    assert waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
+    assert diagnostics.waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
     status = shown('estimation', facts(), summary(), result)
     assert status.message == 'bias instability of gyro x expected to be observable in 15 min'
     assert entries(status)['next_observable_in_s'] == '900.0'
@@ -178,7 +174,8 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     for now in range(100):
         announcements.see_reception(bad)
         announcements.see_timeline(now, bad, moving)
-    begun = [one for one in (*reception_conditions(bad), *timeline_conditions(bad, moving))
+    begun = [one for one in (*diagnostics.reception_conditions(bad),
+                             *diagnostics.timeline_conditions(bad, moving))
              if one.present and one.over is not None]
     assert len(begun) == 11
     first = "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps"
@@ -208,7 +205,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
 
 def test_progress_is_reported_every_minute_and_later_every_hour(heard):
     announcements = Announcements(Log(lambda: heard), '/imu')
-    result = with_coefficient(only(result_of(at_rest(6000, seed=2)), 'gyro'), 'gyro_x',
+    result = with_coefficient(only(streamed([at_rest(6000, seed=2)]).result(), 'gyro'), 'gyro_x',
                               'bias_instability', observable_in_s=60.0)
     announcements.see_timeline(0.0, facts(), summary())
     heard.lines.clear()
@@ -282,7 +279,7 @@ def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
 
 
 def run_of(model, seed=0):
-    return characterized(*simulated_blocks(parse_model(model), 100.0, 20_000, seed=seed))
+    return streamed(simulated_blocks(parse_model(model), 100.0, 20_000, seed=seed))
 
 
 def written(folder, limit):
@@ -298,7 +295,7 @@ def above(limit):
 
 def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_path, monkeypatch):
     standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
-    run, looks, levels = characterized(), DatasheetLooks(), []
+    run, looks, levels = streamed([]), DatasheetLooks(), []
     assert standards.judge(run.result(), run, looks) == [
         Comparison('specification', 'warn', 'cannot tell yet: no axis has a result')]
     for block in simulated_blocks(parse_model(MODEL), 100.0, 3000, block_samples=300):
@@ -329,7 +326,7 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
                     'mean: 0.01 rad/s}}').result()
     axes = dict(shaken.axes)
     axes['gyro_z'] = replace(axes['gyro_z'], tones=(Tone(31.0, 1e-3),))
-    assert standards.judge(replace(shaken, axes=axes), characterized(), DatasheetLooks()) == [
+    assert standards.judge(replace(shaken, axes=axes), streamed([]), DatasheetLooks()) == [
         Comparison('reference', 'warn', Varying(
             'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: '
             'bias <number> rad/s, <number> in the reference; gyro_z: a line at 31 Hz of 0.001 '

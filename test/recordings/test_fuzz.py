@@ -97,9 +97,7 @@ def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, count,
         path.write_bytes(mutated_bytes(content, choice))
         read += read_in_part(opened, *judges) > 0
         if number % 40 == 0:
-            status, out, err, seconds, kilobytes = run('info', opened, '--no-progress')
+            status, out, err = run('info', opened, '--no-progress', most_s=LONGEST_S)
             assert (status in (0, 1), err.count('\n')) == (True, status)
             assert_harmless_on_a_terminal(out + err)
-            assert seconds < LONGEST_S
-            assert kilobytes < 300_000
     assert read > count / 10

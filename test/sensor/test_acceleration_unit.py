@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values that are in another unit: acceleration in g however it comes, what no sensor has."""
 
-from characterized import messages
+from characterized import messages, streamed
 from hypothesis import given, settings, strategies as st
-from imu_allan.characterization import Characterization, characterize
+from imu_allan.characterization import characterize
 from imu_allan.node.run import Lane
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.sensor.plausible import implausible
@@ -40,10 +40,8 @@ def test_node_and_recording_find_the_same_unit_whatever_comes_first(fault):
     expected[:, 3:] *= 9.80665
     np.testing.assert_array_equal(whole, expected)
     lane = lane_of(block, 100)
-    recorded = Characterization(kind='topic', topic='/imu')
-    for part in AccelerationUnit().each(cut(block, [5000])):
-        recorded.update(part)
-    expected_state = recorded.to_state()
+    parts = AccelerationUnit().each(cut(block, [5000]))
+    expected_state = streamed(parts, None, 'topic').to_state()
     for key, array in lane.characterization.to_state().items():
         np.testing.assert_array_equal(array, expected_state[key])
     assert lane.snapshot().remarks[0].code == 'unit_g'
@@ -98,7 +96,7 @@ def test_messages_without_acceleration_do_not_wait(value):
 
 
 def lane_of(block, size):
-    lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
+    lane = Lane(streamed([], None, 'topic'), unit=AccelerationUnit())
     for part in cut(block, range(0, len(block), size)):
         lane.update([part])
     return lane
@@ -127,10 +125,9 @@ def test_messages_that_wait_are_in_the_result():
 def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
     samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
     samples += [bias, bias, bias, 0.0, 0.0, 9.81]
-    run = Characterization(kind='recording', path='x', topic='/imu')
-    run.take([messages(samples, 100.0)])
+    result = streamed([messages(samples, 100.0)]).result()
     assert {axis: (found.values['what'], found.values['likely'])
-            for found in run.result().warnings if found.code == 'implausible'
+            for found in result.warnings if found.code == 'implausible'
             for axis in found.axes} == {
         f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
 

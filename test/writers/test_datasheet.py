@@ -7,10 +7,9 @@ import re
 import xml.etree.ElementTree as ElementTree
 
 from browser import needs_browser, Outline, pages_in_print
-from characterized import messages
+from characterized import messages, streamed
 from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
-from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
@@ -218,19 +217,17 @@ def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path, brows
     assert sheet == pytest.approx((210 / 25.4 * 72, 297 / 25.4 * 72), abs=1)
 
 
-def streamed(samples, rate_hz=RATE_HZ):
+def stream_of(samples, rate_hz=RATE_HZ):
     rows = np.full((len(samples), 6), np.nan)
     rows[:, :samples.shape[1]] = samples
-    stream = Characterization(kind='topic', topic='/imu')
-    stream.update(messages(rows, rate_hz, gyro_alone=True))
-    return stream
+    return streamed([messages(rows, rate_hz, gyro_alone=True)])
 
 
 def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
     """Return the verdict on gyro_x with a step in its noise and a limit in its density."""
     rows = WHITE + np.array([mean, 0, 0])
     rows[:, 0] = step * SIGMA * rounded(rows[:, 0] / (step * SIGMA))
-    stream = streamed(rows)
+    stream = stream_of(rows)
     unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
     model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
     (said,), (live,) = check(stream.result(), model), check_state(stream, model).verdicts
@@ -259,7 +256,7 @@ def test_noise_above_half_a_step_is_judged_as_any():
 
 def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench():
     """Of a process of a minute the record says no more than a bound for the random walk."""
-    stream = streamed(np.column_stack([simulate(
+    stream = stream_of(np.column_stack([simulate(
         {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5,
          'gauss_markov': {'sigma': 7.2e-5, 'correlation_time_s': 60.0}}, 25_000, 10.0, seed)
         for seed in (0, 1)]), 10.0)

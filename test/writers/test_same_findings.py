@@ -6,7 +6,7 @@ from dataclasses import replace
 import json
 import re
 
-from imu_allan.characterization.stream import Characterization
+from characterized import streamed
 from imu_allan.node.result_messages import remark_values
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -100,10 +100,7 @@ def recorded(faults):
     block.samples[:, 5] += 9.80665 - block.samples[:, 5].mean()
     for fault in faults:
         block = FAULTS[fault][0](block) or block
-    imu = Characterization(kind='recording', path='rec', topic='/imu')
-    imu.update(block)
-    imu.finish()
-    return with_words(imu.result())
+    return with_words(streamed([block], 'rec').result())
 
 
 @pytest.mark.parametrize('faults', [*AT_ONCE, *(slow((fault,)) for fault in FAULTS)],

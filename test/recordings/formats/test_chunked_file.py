@@ -103,9 +103,7 @@ def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compress
     assert len(packed) < 500_000
     # Cut short behind it, so that the bag has no index and all of its chunks are gone through.
     path.write_bytes(content[:place] + chunk)
-    status, shown, complaint, seconds, kilobytes = run('info', path, '--no-progress')
+    status, shown, complaint = run('info', path, '--no-progress', most_kb=400_000)
     assert (status, complaint) == (0, '')
-    assert seconds < 10
-    assert kilobytes < 400_000
     assert (f'warning: {path}: left out 1 damaged chunk of 3 (the first at byte {place}: more '
             'records than its bytes can hold)') in shown.splitlines()
