@@ -80,8 +80,6 @@ def test_no_verb_imports_or_obeys_what_lies_in_the_current_folder(tmp_path, shor
     for name in PLANTED:
         (downloaded / f'{name}.py').write_text(
             f'open({str(trace)!r}, "a").write("{name}\\n")\nraise SystemExit(99)\n')
-    # A pipe that nobody writes to, instead of a file, would keep matplotlib waiting for ever.
-    os.mkfifo(downloaded / 'matplotlibrc')
     (downloaded / 'm.yaml').write_text('gyro: {noise_density: 0.3 deg/sqrt(h)}\n')
     script = tmp_path / 'bin' / 'imu_allan'
     script.parent.mkdir()

@@ -11,7 +11,6 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
 from imu_allan.cli.fleet import (
-    done_before,
     error_of,
     FleetResults,
     in_one_line,
@@ -60,9 +59,6 @@ def register(verbs: Any) -> None:
     parser.add_argument('--name-from', metavar='SOURCE', default='file',
                         help='what names a unit: file (default), folder (in which it lies), or '
                              'a regular expression on the path whose first group is the name')
-    parser.add_argument('--resume', action='store_true',
-                        help='with --output: leave out recordings that have a newer result of '
-                             'the same options')
     arguments.add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
@@ -115,18 +111,12 @@ def run(args: argparse.Namespace) -> int:
 
         for task in tasks:
             require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
-    before = done_before(tasks) if args.resume else {}
-    for task in tasks:
-        if task.unit in before:
-            gathering.add(task, before[task.unit])
-            print(f'{printable(task.unit)}: done before')
-    todo = [task for task in tasks if task.unit not in before]
     shown = 0
     label = tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings'
-    with progress_bar(label, sum(task.size_bytes for task in todo),
+    with progress_bar(label, sum(task.size_bytes for task in tasks),
                       wanted=not args.no_progress) as progress, \
             executor(args.jobs, args.dask) as workers:
-        for task, outcome in in_order(workers, todo, progress):
+        for task, outcome in in_order(workers, tasks, progress):
             try:
                 result, unsaved = outcome()
             except Exception as error:
@@ -143,8 +133,8 @@ def run(args: argparse.Namespace) -> int:
             shown += 1
             if unsaved is not None:
                 complaints.append(unsaved)
-            elif task.folder is not None:
-                _report_files(task.folder, task.exports, args, alone=len(tasks) == 1)
+            elif task.folder is not None and len(tasks) == 1:
+                _report_files(task.folder, task.exports)
             topic = task.choice.topic
             source = task.path if not args.all_topics or topic is None else (
                 f'{task.path}, topic {shorten(topic)}')
@@ -159,14 +149,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | None) -> None:
     """End the program if options contradict; `apart` means several results, `of_one` one."""
-    if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
-        args.parser.error('--together takes several recordings of one topic, and no --resume')
+    if args.together and (len(args.recordings) < 2 or args.all_topics):
+        args.parser.error('--together takes several recordings of one topic')
     if apart and of_one:
         args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
     if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
-    if args.resume and args.output is None:
-        args.parser.error('--resume needs --output')
 
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
@@ -230,15 +218,9 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         sys.stdout.flush()
 
 
-def _report_files(folder: Path, exports: Sequence[str], args: argparse.Namespace, *, alone: bool
-                  ) -> None:
-    """Print what was written to a folder, and which files of earlier results are still in it."""
-    from imu_allan.writers.filters import stale_files_note
+def _report_files(folder: Path, exports: Sequence[str]) -> None:
+    """Print what was written to a folder."""
     from imu_allan.writers.folder import kinds_of_files
     from imu_allan.writers.terminal import print_wrapped
 
-    if alone:
-        print_wrapped(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')
-    # A cluster may have written to another disk.
-    if args.dask is None and (old := stale_files_note(folder, exports)):
-        print(f'imu_allan: {old}', file=sys.stderr)
+    print_wrapped(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')

@@ -60,7 +60,7 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import CONSUMERS, existing_file_note, export, ExportOptions
+    from imu_allan.writers.filters import CONSUMERS, export, ExportOptions
     from imu_allan.writers.filters.from_datasheet import result_of_datasheet
     from imu_allan.writers.result_file import load_result
 
@@ -80,8 +80,7 @@ def run(args: argparse.Namespace) -> int:
     except ImuAllanError as error:
         # The user knows the options, not the names of the library's arguments.
         said = re.sub(rf'\b({"|".join(options)})\b', lambda name: options[name[1]], str(error))
-        older = '' if path is None else existing_file_note(path)
-        raise ImuAllanError(f'{said}{older}') from error
+        raise ImuAllanError(said) from error
     if path is None:
         print(text, end='')
     else:

@@ -1,9 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Several recordings as a fleet: results of earlier runs, and results as they come in."""
+"""Several recordings as a fleet: their results as they come in, and their errors."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 import sys
@@ -75,36 +74,6 @@ def require_new(result: 'Result', unit: str, known: dict[tuple[float, ...], str]
                   if axis.mean is not None and not axis.constant)
     if means and (other := known.setdefault(means, unit)) != unit:
         raise same_messages_error(other, unit)
-
-
-def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
-    """
-    Return the results that an earlier run has left, by unit.
-
-    A result counts if its file is complete and the other files are beside it. It must have been
-    made from the files of the recording as they are now, by this version with the same options.
-    """
-    from imu_allan.recordings.same_recording import files_digest
-    from imu_allan.version import __version__
-    from imu_allan.writers.folder import kinds_of_files
-    from imu_allan.writers.result_file import load_result
-
-    found = {}
-    for task in tasks:
-        assert task.folder is not None
-        with suppress(ImuAllanError, OSError):
-            result = load_result(task.folder / 'result.json')
-            same = (result.imu_allan_version == __version__
-                    and result.source.path == task.path
-                    and result.source.options == task.choice.said()
-                    and result.source.files is not None
-                    and result.source.files == files_digest(task.path)
-                    and result.inspection == task.inspection
-                    and all((task.folder / name).exists()
-                            for name in kinds_of_files(task.exports)))
-            if same:
-                found[task.unit] = result
-    return found
 
 
 def in_one_line(unit: str, result: 'Result') -> str:

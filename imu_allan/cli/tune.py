@@ -5,7 +5,6 @@
 import argparse
 from dataclasses import replace
 import json
-from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.atomic import PICTURES, require_replaceable, TUNING
+from imu_allan.writers.atomic import TUNING
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -26,10 +25,10 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'tune', help='what a filter needs, and how far it can trust that',
-        short='aiding coast bias calibration verify plot json',
+        short='aiding coast bias calibration verify json',
         examples=('tune out',
                   'tune out --aiding 50ms --coast 2m',
-                  'tune out --verify another_day.mcap --plot drift.png'),
+                  'tune out --verify another_day.mcap'),
         description='Choose the numbers for a filter by how often something corrects it and how '
                     'long it is unaided. Beside them: what the measured coefficients, ten '
                     'times K and the drift model reach, and the unaided drift.')
@@ -49,13 +48,10 @@ def register(verbs: Any) -> None:
                              'compared')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     add_recording_options(parser)
-    parser.add_argument('--plot', metavar='FILE',
-                        help='with --verify: the drift observed there beside the one predicted '
-                             '(.png, .svg or .pdf)')
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('result', 'verify'),
-                        outputs={'json': TUNING, 'plot': ''})
+                        outputs={'json': TUNING})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -68,10 +64,6 @@ def run(args: argparse.Namespace) -> int:
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter is unaided for at least one interval')
-    if args.plot is not None:
-        if args.verify is None:
-            raise ImuAllanError('--plot shows what --verify OTHER_RECORDING finds: name one')
-        require_replaceable(args.plot, PICTURES[_format(args.plot)])
     result = load_result(args.result)
     console = console_of()
     console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias))
@@ -122,27 +114,7 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     if tested:
         units = {key: axis.unit for key, axis in axes.items()}
         tables.insert(0, tuning_table.field_test_table(tested, name, units))
-    if args.plot is not None:
-        from imu_allan.writers.atomic import write_atomically
-        from imu_allan.writers.plot import render
-        from imu_allan.writers.verification_figure import verification_figure
-
-        if not tested:
-            raise ImuAllanError('--plot: a result holds no series to run filters over: name the '
-                                'recording itself behind --verify')
-        write_atomically(args.plot, render(verification_figure(tested, name), _format(args.plot)))
     return tables, tuning_table.field_test_document(tested, found, args.bias)
-
-
-def _format(path: str) -> str:
-    """Return the image format that the suffix of a file requests."""
-    from imu_allan.writers.plot import FORMATS
-
-    ending = Path(path).suffix.lower().lstrip('.')
-    if ending not in FORMATS:
-        raise ImuAllanError(f'--plot {printable(path)}: write a file that ends in '
-                            f'{", ".join("." + one for one in FORMATS)}')
-    return ending
 
 
 def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:

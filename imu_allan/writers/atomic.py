@@ -32,8 +32,6 @@ _KINDS = (
     (PAGE, rb'(?s)<!DOCTYPE html>.{,2000}?<meta name="generator" content="imu_allan '),
     (CURVES, rb'axis,unit,tau_s,'),
     ('table of a fleet', rb'unit,serial,'),
-    ('table of coefficients in LaTeX', rb'(?s)% Needs .{,200}?imu_noise\.bib'),
-    ('references in BibTeX', rb'@techreport\{ieee952,'),
     (CONFIGURATION, rb'(?s).{,16000}?, by imu_allan '))
 """Kinds of files that this package writes, and how they begin."""
 Files = dict[str, Callable[[], bytes | None]]

@@ -12,11 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib import import_module
-import os
-import sys
-from threading import Lock
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from imu_allan.result import AxisResult
@@ -51,7 +46,6 @@ DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
 
 def empty_figure(width: float, height: float) -> Figure:
     """Return a figure of the given size in inches that needs no display."""
-    matplotlib_alone()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -61,19 +55,16 @@ def empty_figure(width: float, height: float) -> Figure:
 
 
 @contextmanager
-def plot_style(size: float = 9.0) -> Iterator[None]:
-    """
-    Apply the fonts, lines and colours of all figures within the context.
+def plot_style() -> Iterator[None]:
+    """Apply the fonts, lines and colours of all figures within the context."""
+    import matplotlib
 
-    Text has `size` points; tick labels are one point smaller, but at least 7 points.
-    """
-    matplotlib = matplotlib_alone()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update({
-            'font.family': 'DejaVu Sans', 'font.size': size, 'axes.labelsize': size,
-            'axes.titlesize': size + 1, 'axes.titleweight': 'bold',
-            'xtick.labelsize': max(7.0, size - 1), 'ytick.labelsize': max(7.0, size - 1),
+            'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,
+            'axes.titlesize': 10, 'axes.titleweight': 'bold',
+            'xtick.labelsize': 8, 'ytick.labelsize': 8,
             'figure.facecolor': COLOURS['paper'], 'axes.facecolor': COLOURS['paper'],
             'text.color': COLOURS['ink'],
             'axes.labelcolor': COLOURS['ink'], 'xtick.color': COLOURS['soft'],
@@ -82,30 +73,6 @@ def plot_style(size: float = 9.0) -> Iterator[None]:
             'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'none',
             'svg.hashsalt': 'imu_allan', 'path.simplify': True})
         yield
-
-
-_IMPORTING = Lock()
-
-
-def matplotlib_alone() -> ModuleType:
-    """
-    Import matplotlib without settings from the current folder.
-
-    On import, matplotlib first reads a file ``matplotlibrc`` there, which may belong to a
-    recording from somebody else. The file might run text through LaTeX, not be text at all, or be
-    a pipe that never delivers data.
-    """
-    with _IMPORTING:
-        if 'matplotlib' in sys.modules:
-            return sys.modules['matplotlib']
-        # Changing the current folder instead would affect other threads that open files. None of
-        # them asks for this name.
-        exists = os.path.exists
-        os.path.exists = lambda path: path != 'matplotlibrc' and exists(path)
-        try:
-            return import_module('matplotlib')
-        finally:
-            os.path.exists = exists
 
 
 def frame_allan(panel: Axes, sensor: str, limits: tuple[float, float], *,

@@ -21,7 +21,7 @@ from imu_allan.writers.atomic import (
     write_files,
 )
 from imu_allan.writers.curves import sensors_of
-from imu_allan.writers.filters import CONSUMERS, existing_file_note, export
+from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.result_file import curves_csv
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         try:
             return export(result, consumer).encode()
         except ImuAllanError as error:
-            left_out.append(f'{error}{existing_file_note(folder / CONSUMERS[consumer].file)}')
+            left_out.append(str(error))
             return None
 
     # Write the result first, since it cannot be recreated.
@@ -85,24 +85,9 @@ def report_files(result: Result, formats: Sequence[str] = plot.FORMATS) -> Files
     return files
 
 
-def paper_files(result: Result, width_cm: float, formats: Sequence[str] = plot.FORMATS) -> Files:
-    """Return ``allan_deviation_WIDTHcm.FORMAT``, sized for a column of a paper."""
-    return _plots(lambda: plot.paper_figure(result, width_cm),
-                  f'allan_deviation_{width_cm:g}cm', formats, dpi=300)
-
-
-def latex_files(result: Result) -> Files:
-    """Return ``imu_noise.tex`` and ``imu_noise.bib``."""
-    from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
-
-    return {'imu_noise.tex': lambda: noise_table(result).encode(),
-            'imu_noise.bib': BIBLIOGRAPHY.encode}
-
-
-def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str], dpi: float = 150
-           ) -> Files:
+def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str]) -> Files:
     drawn = cache(figure)
-    return {f'{name}.{kind}': partial(lambda kind: plot.render(drawn(), kind, dpi), kind)
+    return {f'{name}.{kind}': partial(lambda kind: plot.render(drawn(), kind), kind)
             for kind in formats}
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import warnings
 
 from imu_allan import wording
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import printable, shorten
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
@@ -127,41 +127,14 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
         return figure
 
 
-def paper_figure(result: Result, width_cm: float) -> 'Figure':
-    """Draw the Allan deviations for a column of a paper; no text is below 7 points in print."""
-    drawn = {sensor: {name: axis for name, axis in curves.axes_of(result, sensor).items()
-                      if any(axis.curve.adev)} for sensor in curves.sensors_of(result)}
-    drawn = {sensor: axes for sensor, axes in drawn.items() if axes}
-    if not drawn:
-        raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
-    # Two panels side by side are readable from 12 cm.
-    beside = len(drawn) if width_cm >= 12.0 else 1
-    row_height = 2.5   # of a panel with its titles, in inches
-    width, height = width_cm / 2.54, row_height * (len(drawn) // beside)
-    with plot_style(size=7.5):
-        figure = empty_figure(width, height)
-        column, row = 1 / beside, row_height / height
-        for place, (sensor, axes) in enumerate(drawn.items()):
-            left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
-            panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,
-                                     column - 1.14 / width, row - 0.68 / height))
-            _draw_curves(panel, sensor, axes, result)
-            panel.legend(loc='lower right', bbox_to_anchor=(1, 1), ncols=len(axes), frameon=False,
-                         borderaxespad=0, handlelength=1.7, handletextpad=0.4, columnspacing=1)
-            panel.set_title(wording.SENSORS[sensor], loc='left')
-        return figure
-
-
 def _draw_curves(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], result: Result
                  ) -> None:
-    """Draw the Allan deviations of the axes of a sensor, named for a legend."""
+    """Draw the Allan deviations of the axes of a sensor."""
     frame_allan(panel, sensor, curves.limits_of(axes.values()))
     for name, axis in axes.items():
         if any(axis.curve.adev):
             colour, marker, dashes = COLOURS[name[-1]], MARKERS[name[-1]], DASHES[name[-1]]
             draw_curve(panel, axis, colour, marker, result.timeline, dashes)
-            panel.plot([], [], marker=marker, color=colour, linestyle=dashes, markersize=4.4,
-                       linewidth=1.3, label=name[-1])
 
 
 def render(figure: 'Figure', format: str = 'png',  # noqa: A002

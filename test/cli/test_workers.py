@@ -3,7 +3,6 @@
 """Many recordings at once: processes that work on them, folders for results, a fleet's page."""
 
 import csv
-from dataclasses import replace
 import json
 import os
 import signal
@@ -19,7 +18,7 @@ from imu_allan.recordings.write import write_recording
 from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.result_file import load_result, save_result
+from imu_allan.writers.result_file import load_result
 import numpy as np
 from processes import living, marked, python, wait_until
 import pytest
@@ -194,35 +193,6 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(tmp_path, fails_with):
     page = (output / 'fleet.html').read_text()
     assert '<a href="sn10/report.html">sn10</a>' in page
     assert '<script' not in page
-
-
-def test_resume_does_again_what_was_changed_done_otherwise_or_not_to_the_end(tmp_path, output_of):
-    paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
-    first, second = (tmp_path / 'out' / f'unit{number}' for number in (1, 2))
-    options = ['--output', tmp_path / 'out', '--resume']
-
-    def done_before():
-        return [line.partition(':')[0]
-                for line in output_of('analyze', *paths, *options).splitlines()
-                if line.endswith('done before')]
-
-    assert done_before() == []
-    written = (first / 'result.json').stat().st_mtime_ns
-    os.utime(paths[1], (written / 1e9 + 60,) * 2)
-    assert done_before() == ['unit1']
-    assert (first / 'result.json').stat().st_mtime_ns == written
-    assert (second / 'result.json').stat().st_mtime_ns > written
-    assert len(json.loads((tmp_path / 'out' / 'fleet.json').read_text())['units']) == 2
-    for more in (['--motion', 'keep', '--duration', '10s'], ['--operator', 'Ada']):
-        options += more
-        assert done_before() == []
-        assert done_before() == ['unit1', 'unit2']
-    result = load_result(first / 'result.json')
-    assert result.source.options == {'motion': 'keep', 'duration_s': '10.0'}
-    (second / 'allan_deviation.png').unlink()
-    assert done_before() == ['unit1']
-    save_result(replace(result, imu_allan_version='0.0.1'), first / 'result.json')
-    assert done_before() == ['unit2']
 
 
 def test_recordings_of_one_imu_make_one_result(tmp_path, output_of, fails_with):

@@ -10,7 +10,7 @@ import os
 from imu_allan.result import Timeline
 from imu_allan.writers import folder as folders
 from imu_allan.writers.atomic import kind_of, write_atomically, write_files, write_in
-from imu_allan.writers.filters import CONSUMERS, export, stale_files_note
+from imu_allan.writers.filters import export
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import curves_csv, is_result, load_result
@@ -90,8 +90,8 @@ def test_where_a_result_gives_no_configuration_all_else_is_written(result, tmp_p
     paths = save_folder(result, tmp_path, ('vins_fusion',), report=False, picture=False)
     rateless = replace(result, timeline=Timeline(None, 10, 1.0))
     with refused('the configuration for vins_fusion needs the sample rate, which this result does '
-                 f'not have; give it with --rate HZ; {paths[2]} stands there from before and was '
-                 f'not replaced; the other files are in {tmp_path}', IncompleteSave):
+                 f'not have; give it with --rate HZ; the other files are in {tmp_path}',
+                 IncompleteSave):
         save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
     assert load_result(paths[0]) == rateless
     assert paths[2].read_text() == export(result, 'vins_fusion')
@@ -109,25 +109,13 @@ def test_what_is_missing_behind_a_file_that_cannot_be_written_is_named(result, t
     assert load_result(tmp_path / 'result.json') == result
 
 
-def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, tmp_path):
-    save_folder(result, tmp_path, ('px4', 'basalt', 'kalibr'), report=False, picture=False)
-    (tmp_path / CONSUMERS['gazebo'].file).write_text('<imu>of somebody else</imu>')
-    for written, note in (
-            (('px4', 'basalt', 'kalibr'), ''),
-            (('basalt',), f'{tmp_path}: imu.yaml and px4_imu.params are of an earlier result and '
-             'were not replaced; --for kalibr --for px4 writes them anew'),
-            (('px4', 'kalibr'), f'{tmp_path}: basalt_imu.json is of an earlier result and was not '
-             'replaced; --for basalt writes it anew')):
-        assert stale_files_note(tmp_path, written) == note
-
-
 @pytest.mark.thorough
 def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path, result):
     # One axis is drawn in a sixth of the time.
     result = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=())
     other = replace(result, source=replace(result.source, path='other'))
     for path in {*save_folder(result, tmp_path, ['kalibr']),
-                 *write_files(tmp_path, folders.report_files(result) | folders.latex_files(result)
+                 *write_files(tmp_path, folders.report_files(result)
                               | folders.comparison_files({'a': result, 'b': other})),
                  *save_fleet(Fleet({'a': result, 'b': other}), tmp_path)}:
         before = path.read_bytes()

@@ -5,25 +5,22 @@ from math import degrees
 import xml.etree.ElementTree as ElementTree
 
 from exact_results import axis_result, with_axes
-import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline
 from imu_allan.writers import curves, plot
 from imu_allan.writers.svg import power_text
 import matplotlib
-from matplotlib.axis import Axis
 from matplotlib.text import Text
 from on_terminal import FLAT
 from processes import python
 import pytest
-from whole_lines import refused
 
 
 @pytest.mark.parametrize(('kind', 'start'), [
     ('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')])
 def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, start):
     before = dict(matplotlib.rcParams)
-    one, other = (plot.render(plot.paper_figure(result, 8.5), kind, 50) for _ in range(2))
+    one, other = (plot.render(plot.overview_figure(result), kind, 30) for _ in range(2))
     assert one.startswith(start)
     assert one == other
     # The caller's settings are left alone.
@@ -101,8 +98,6 @@ def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, re
             in texts_of(plot.overview_figure(odd)))
     assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
-    with refused('no axis of the result has an Allan deviation above zero to draw'):
-        plot.paper_figure(odd, 8.5)
 
 
 def test_drawing_needs_no_display_and_no_pyplot():
@@ -110,40 +105,3 @@ def test_drawing_needs_no_display_and_no_pyplot():
               'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
               'assert "matplotlib.pyplot" not in sys.modules')
     python('-c', script, check=True)
-
-
-@pytest.mark.parametrize('width_cm', [8.5, 17.0])
-def test_a_figure_for_a_paper_has_its_column_s_width_and_text_that_survives(result, width_cm):
-    figure = plot.paper_figure(result, width_cm)
-    assert figure.get_figwidth() == pytest.approx(width_cm / 2.54)
-    plot.render(figure, 'png', 100)
-    assert [[name.get_text() for name in panel.get_legend().get_texts()]
-            for panel in figure.axes] == [[*'xyz']] * 2
-    paper = figure.bbox
-    boxes, hidden = [], []
-    for axis in figure.findobj(Axis):
-        low, high = sorted(axis.get_view_interval())
-        # Numbers beyond the ends of an axis are there and not drawn.
-        for tick in axis.get_major_ticks():
-            hidden += [] if low <= tick.get_loc() <= high else [tick.label1, tick.label2]
-    for text in figure.findobj(Text):
-        box = text.get_window_extent()
-        if not (text.get_visible() and text.get_text().strip()) or text in hidden:
-            continue
-        assert text.get_fontsize() >= 7, text.get_text()
-        assert paper.x0 <= box.x0 < box.x1 <= paper.x1, text.get_text()
-        assert paper.y0 <= box.y0 < box.y1 <= paper.y1, text.get_text()
-        boxes.append((text.get_text(), box))
-    for place, (one, box) in enumerate(boxes):
-        assert not [other for other, its in boxes[:place] if box.overlaps(its)], one
-
-
-def test_plot_gives_a_figure_of_a_result_or_one_axis_of_it(result):
-    assert imu_allan.plot(result).savefig
-    [panel] = imu_allan.plot(result.axes['accel_x']).axes
-    drawn = {height for line in panel.lines for height in line.get_ydata()}
-    assert {*result.axes['accel_x'].curve.adev} <= drawn
-    with pytest.raises(TypeError) as error:
-        imu_allan.plot(result.axes)
-    assert error.value.args == ('expected a result, such as imu_allan.analyze gives, or one of '
-                                'its axes, not dict',)

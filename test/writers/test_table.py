@@ -3,14 +3,10 @@
 
 from dataclasses import replace
 from pathlib import Path
-import re
-import shutil
-import subprocess
 
 from exact_results import with_coefficient
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Saturation, Source, Span
-from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
 from imu_allan.writers.result_file import load_result
 from imu_allan.writers.words import advice, sentence_of, with_words
 from on_terminal import assert_as_before, FLAT, printed
@@ -116,46 +112,3 @@ def test_what_to_act_upon_is_in_full_and_what_has_no_room_beside_it_is_left_out(
     # What differs in figures alone has its advice once.
     assert printed(many, 200).count('analyze the rest with --start') == 1
     assert printed(many, 200, verbose=True).count('analyze the rest with --start') == 2
-
-
-def test_the_table_of_a_paper_has_every_term_with_its_interval_or_bound_and_what_it_cites(result):
-    text = noise_table(result)
-    rows = [line.strip() for line in text.splitlines() if line.startswith('    $')]
-    assert rows[0] == (r'$N$ angle random walk & $^\circ/\sqrt{\mathrm{h}}$ & '
-                       r'2.406 [2.402, 2.411] & 2.647 [2.642, 2.652] & 2.286 [2.282, 2.291] \\')
-    assert rows[2] == (r'$K$ rate random walk & $^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$ & '
-                       r'50 [35, 64] & 54 [38, 71] & $< 23.5$ \\')
-    assert [row.count('&') for row in rows] == [4] * 6
-    assert text.count('{') == text.count('}')
-    cited = set(re.findall(r'\\cite\{(\w+)\}', text))
-    assert cited == set(re.findall(r'@\w+\{(\w+),', BIBLIOGRAPHY))
-    assert BIBLIOGRAPHY.count('\n  author = {') == len(cited)
-    method = ' '.join(text.split())
-    assert ('from 3 h of samples at 200\\,Hz of the sensor at rest, of which 5 min 45 s of motion '
-            'were left out.') in method
-    assert 'Narrow lines in the spectrum of gyro\\_z were left out of the fit.' in method
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (shutil.which('pdflatex') and shutil.which('bibtex')
-                         and shutil.which('kpsewhich')
-                         and subprocess.run(['kpsewhich', 'booktabs.sty'], check=False,
-                                            stdout=subprocess.DEVNULL).returncode == 0),
-                    reason='no LaTeX with booktabs is installed')
-def test_the_table_is_typeset_without_a_complaint(result, tmp_path):
-    (tmp_path / 'imu_noise.tex').write_text(noise_table(result))
-    (tmp_path / 'imu_noise.bib').write_text(BIBLIOGRAPHY)
-    (tmp_path / 'paper.tex').write_text(
-        '\\documentclass{article}\\usepackage[margin=2cm]{geometry}\\usepackage{booktabs}'
-        '\\begin{document}\\input{imu_noise}\\bibliographystyle{plain}'
-        '\\bibliography{imu_noise}\\end{document}')
-
-    def run(*command):
-        return subprocess.run(command, cwd=tmp_path, check=True, capture_output=True,
-                              text=True).stdout
-
-    latex = 'pdflatex', '-interaction=nonstopmode', '-halt-on-error', 'paper'
-    run(*latex)
-    assert 'Warning' not in run('bibtex', 'paper')
-    run(*latex)
-    assert not re.search('Warning|Overfull', run(*latex))

@@ -12,8 +12,16 @@ are tuned for the measurements that correct the consumer.
 A consumer with one value per sensor gets that of the worst axis; comments give the others.
 """
 
+from imu_allan.result import Result
 from imu_allan.writers.consumers import CONSUMERS
-from imu_allan.writers.filters.chosen_numbers import ExportOptions
-from imu_allan.writers.filters.export import existing_file_note, export, stale_files_note
+from imu_allan.writers.filters.chosen_numbers import ExportOptions, Numbers
+from imu_allan.writers.filters.structured import WRITERS
+from imu_allan.writers.filters.template import filled
 
-__all__ = ['CONSUMERS', 'ExportOptions', 'existing_file_note', 'export', 'stale_files_note']
+__all__ = ['CONSUMERS', 'ExportOptions', 'export']
+
+
+def export(result: Result, consumer: str, options: ExportOptions = ExportOptions()  # noqa: B008
+           ) -> str:
+    """Return the text of the configuration of a filter; `CONSUMERS` names its file."""
+    return WRITERS.get(consumer, filled)(Numbers(result, consumer, options))
