@@ -14,7 +14,6 @@ from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
-    from imu_allan.recordings import Recording
     from imu_allan.result import Inspection, Result
 
 
@@ -54,8 +53,7 @@ class Task:
     together: tuple[str, ...] = ()
 
 
-def characterize(task: Task, progress: Callable[[int], None] | None = None,
-                 recording: 'Recording | None' = None
+def characterize(task: Task, progress: Callable[[int], None] | None = None
                  ) -> 'tuple[Result, ImuAllanError | None]':
     """
     Make the result of a task and write its folder, so that workers write their folders themselves.
@@ -64,7 +62,7 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
     """
     from imu_allan.analysis import analyzed
 
-    result = analyzed(task.together or task.path, task.choice, progress, recording)
+    result = analyzed(task.together or task.path, task.choice, progress)
     if task.inspection is not None:
         result = replace(result, inspection=task.inspection)
     if task.folder is not None:

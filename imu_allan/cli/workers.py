@@ -11,10 +11,8 @@ for lack of memory, the results of all others are lost.
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager, ExitStack, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
-from itertools import groupby
-from math import ceil
 import os
 import pickle
 import subprocess
@@ -29,7 +27,6 @@ from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 from imu_allan.quick_start import start_quickly
 
 if TYPE_CHECKING:
-    from imu_allan.recordings import Recording
     from imu_allan.result import Result
 
 T = TypeVar('T')
@@ -54,81 +51,28 @@ def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
 def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable[[int], None]
              ) -> Iterator[tuple[Task, Outcome]]:
     """Work on all tasks; yield each in order, with a function that gives its result or raises."""
-    groups = [list(same) for _, same in groupby(tasks, _recording_of)]
-    return (_in_process(groups, progress) if workers is None else
-            _in_workers(workers, groups, progress))
-
-
-def _in_process(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
-                ) -> Iterator[tuple[Task, Outcome]]:
-    """Work in this process, where Ctrl-C and progress need no communication."""
     from imu_allan.analysis import offset_progress
 
-    done_bytes = 0
-    for group in groups:
-        with _opened_once(group) as recording:
-            for task in group:
-                yield task, partial(characterize, task, offset_progress(progress, done_bytes),
-                                    recording)
-                done_bytes += task.size_bytes
-
-
-def _in_workers(workers: Executor, groups: Sequence[Sequence[Task]],
-                progress: Callable[[int], None]) -> Iterator[tuple[Task, Outcome]]:
-    # Many recordings keep all workers busy without being split. A cluster reads one up to 16
-    # times, so that each of its workers gets a share, however uneven recordings are.
-    most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
-            else 16)
-    waiting = deque((part, workers.submit(characterize_each, part))
-                    for group in groups for part in _parts(group, most))
+    waiting = deque((task, None if workers is None else workers.submit(characterize, task))
+                    for task in tasks)
     done_bytes = 0
     while waiting:
-        part, future = waiting.popleft()
-        error = future.exception()
-        answers: list[Answer] = (future.result() if error is None else
-                                 [(None, (error, ''))] * len(part))
-        for task, answer in zip(part, answers, strict=True):
+        task, future = waiting.popleft()
+        if future is None:
+            # In this process, Ctrl-C and progress need no communication.
+            yield task, partial(characterize, task, offset_progress(progress, done_bytes))
+            done_bytes += task.size_bytes
+        else:
+            future.exception()
             done_bytes += task.size_bytes
             progress(done_bytes)
-            yield task, partial(_returned, answer)
-
-
-def characterize_each(tasks: Sequence[Task]) -> list[Answer]:
-    """Characterize several topics of one recording; a failure does not stop the others."""
-    with _opened_once(tasks) as recording:
-        return [_answer(characterize, task, None, recording) for task in tasks]
-
-
-def _recording_of(task: Task) -> tuple[object, ...]:
-    """Return a key that the topics of a recording share; a task without topic has its own."""
-    return (task.path, task.choice.reading, task.choice.options,
-            id(task) if task.choice.topic is None else 0)
-
-
-@contextmanager
-def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Recording | None]':
-    """Open a recording once for all its topics in `tasks`; None if each task opens it itself."""
-    with ExitStack() as stack:
-        recording = None
-        if len(tasks) > 1:
-            # Each task then reports what is wrong with it.
-            with suppress(ImuAllanError):
-                recording = stack.enter_context(tasks[0].choice.opened(tasks[0].path))
-        yield recording
-
-
-def _parts(group: Sequence[Task], most: int) -> Iterator[Sequence[Task]]:
-    """Split the topics of a recording among at most `most` workers, which each read it once."""
-    size = ceil(len(group) / most)
-    for first in range(0, len(group), size):
-        yield group[first:first + size]
+            yield task, future.result
 
 
 class WorkerProcesses(Executor):
     """Executor that works in processes of this machine, each served by a thread of this one."""
 
     def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
         self._threads = ThreadPoolExecutor(jobs)
         self._of_thread = threading.local()
         self._started: list[subprocess.Popen[bytes]] = []
@@ -228,5 +172,4 @@ def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
 
 
 def _subject(work: 'partial[Any]') -> str:
-    tasks = work.args[0] if work.args and isinstance(work.args[0], list) else ()
-    return printable(tasks[0].path) if tasks else 'it'
+    return printable(work.args[0].path) if isinstance(work.args[0], Task) else 'it'
