@@ -14,6 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 START_NS = 1_700_000_000_000_000_000
+AXES = tuple(f'{sensor}_{letter}' for sensor in ('gyro', 'accel') for letter in 'xyz')
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 
 

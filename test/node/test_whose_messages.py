@@ -8,7 +8,7 @@ import random
 import signal
 import time
 
-from imu_allan.noise.terms import AXES
+from characterized import AXES
 import numpy as np
 import pytest
 from repeated import slow

@@ -9,8 +9,6 @@ import sys
 from bags import read, said
 from imu_allan import analyze
 from imu_allan.recordings import open_recording
-from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.recordings.thermometers import temperatures
 import numpy as np
 from processes import run
 import pytest
@@ -95,17 +93,14 @@ def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):
 def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_path):
     path = write(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 900, 0.01) + raw(
         'ACC', 500, 1800, 0.1))
-    with open_recording(path) as recording:
-        assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
-        assert recording.remarks == [said(
-            path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
-            reason=recording.remarks[0].values['reason'])]
-        [(stamps, celsius)] = temperatures(recording, 'GYR', 'header')
-    assert stamps.tolist() == [values[0] * 1000 for _, values in imu()]
-    assert set(celsius.tolist()) == {41.5}
-    axes = analyze(path).axes
-    assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
-        [1000, 2000])
+    result = analyze(path)
+    assert result.source.topic == 'GYR, ACC'
+    [chosen] = [remark for remark in result.warnings if remark.code == 'chosen_topic']
+    assert chosen == said(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
+                          reason=chosen.values['reason'])
+    assert {*result.temperature.mean} == {41.5}
+    assert [result.axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')
+            ] == pytest.approx([1000, 2000])
     assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
 
 

@@ -8,11 +8,10 @@ import time
 
 import bags
 from bags import no_axes, NO_TIME, refusal, said, START_NS
+from characterized import AXES
 from hypothesis import given, HealthCheck, settings, strategies as st
-from imu_allan.noise.terms import AXES
-from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
-from imu_allan.recordings.halves import choose_streams
-from imu_allan.recordings.thermometers import thermometer_of
+from imu_allan import analyze
+from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -68,16 +67,11 @@ def test_sensors_on_rows_of_their_own_are_the_halves_of_an_imu(path, empty, toge
              for number in range(0, 40, 2)]
     path.write_text('time [ms],gx,ax,temperature\n' + ''.join(
         f'{",".join(map(str, row))}\n' for row in sorted({row[0]: row for row in rows}.values())))
-    with open_recording(path) as recording:
-        [gyro, accel] = choose_streams(recording)
-        assert [stream.half for stream in (gyro, accel)] == ['gyro', 'accel']
-        for stream, axis, expected in ((gyro, 0, np.arange(40)), (accel, 3, -np.arange(0, 40, 2))):
-            blocks = [*stream.select(read_blocks(recording, stream.topic))]
-            assert np.concatenate([block.samples for block in blocks])[:, axis].tolist() == [
-                *expected]
-            thermometer = thermometer_of(recording, stream.topic)
-            assert {25.0} == {*np.concatenate([block.samples[:, 0] for block, _ in
-                                               recording.decoded(thermometer.name)])}
+    result = analyze(path)
+    assert {name: axis.signal.mean for name, axis in result.axes.items()} == {
+        'gyro_x': (*range(40),), 'accel_x': (*range(0, -40, -2),)}
+    assert [axis.sample_rate_hz for axis in result.axes.values()] == pytest.approx([1000, 500])
+    assert {*result.temperature.mean} == {25.0}
 
 
 # A loaded machine may be slow at anything.
@@ -119,10 +113,8 @@ def test_options_that_are_no_tuples_are_refused():
 
 
 def test_a_table_has_no_topic_to_choose(path):
-    path.write_text('time_s,gyro_x\n0,1\n')
-    with open_recording(path) as recording, refused(
-            f'{path}: no topic /imu; a CSV file has no topics: leave out --topic'):
-        choose_topic(recording, '/imu')
+    assert refusal(path, 'time_s,gyro_x\n0,1\n', topic='/imu') == (
+        'no topic /imu; a CSV file has no topics: leave out --topic')
 
 
 def test_a_file_of_many_blocks_is_read_whole(path):

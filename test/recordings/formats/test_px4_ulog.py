@@ -4,12 +4,10 @@
 
 from struct import pack
 
-from bags import assert_same, read, said
-from imu_allan.recordings import open_recording
-from imu_allan.recordings.halves import choose_streams, Stream
+from bags import assert_same, read, refusal, said
+from imu_allan import analyze
 import numpy as np
 import pytest
-from whole_lines import refused
 
 pyulog = pytest.importorskip('pyulog')
 
@@ -76,14 +74,13 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
     path = write(tmp_path / 'a.ulg', {
         'sensor_combined': combined(), 'sensor_gyro': one(slice(0, 3), 1_000),
         'sensor_accel': one(slice(3, 6), 2_000)})
-    with open_recording(path) as recording:
-        assert choose_streams(recording) == [
-            Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
-        assert recording.remarks == [said(
-            path, 'chosen_topic', topics=3, others=['sensor_combined'],
-            chosen=['sensor_gyro', 'sensor_accel'],
-            reason=recording.remarks[0].values['reason'])]
-        assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
+    result = analyze(path)
+    assert result.source.topic == 'sensor_gyro, sensor_accel'
+    [chosen] = [remark for remark in result.warnings if remark.code == 'chosen_topic']
+    assert chosen == said(
+        path, 'chosen_topic', topics=3, others=['sensor_combined'],
+        chosen=['sensor_gyro', 'sensor_accel'], reason=chosen.values['reason'])
+    assert analyze(path, 'sensor_combined').source.topic == 'sensor_combined'
 
 
 def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):
@@ -109,9 +106,8 @@ def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):
 def test_a_topic_that_is_thin_or_lacks_a_field_is_reported(tmp_path, form, said):
     path = write(tmp_path / 'a.ulg', {
         'sensor_combined': (form, [bytes(60)] * COUNT) if form else combined(step=250)})
-    with open_recording(path) as recording, refused(
-            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined {said}'):
-        choose_streams(recording)
+    assert refusal(path) == (
+        f'no topic of type sensor_msgs/msg/Imu; it holds sensor_combined {said}')
 
 
 def test_what_is_damaged_is_left_out_and_reported(tmp_path):
