@@ -39,9 +39,6 @@ class ImuBlock:
         provided (first covariance element -1, REP-145).
     frame_id : str
         header.frame_id of every message of the block; another frame_id starts another block.
-    numbers : ndarray of int64, shape (n,), or None
-        Sequence number of each message, assigned by the publisher's middleware; lost messages
-        leave numbers out. None if unknown, as in most recordings.
 
     """
 
@@ -50,7 +47,6 @@ class ImuBlock:
     samples: Array
     absent: Bools
     frame_id: str
-    numbers: Ints | None = None
 
     def __len__(self) -> int:
         """Return the number of messages."""
@@ -59,8 +55,7 @@ class ImuBlock:
     def part(self, rows: slice | Bools) -> ImuBlock:
         """Return some of the messages; a slice is not copied."""
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
-                        self.absent[rows], self.frame_id,
-                        None if self.numbers is None else self.numbers[rows])
+                        self.absent[rows], self.frame_id)
 
     def only(self, half: Half) -> ImuBlock:
         """Return the block with the other sensor declared as not provided."""

@@ -107,8 +107,7 @@ CODES: Mapping[str, Code] = {
     'truncated_recording': _know(
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,
         bytes=Count | None, end=Text | None, whole_chunks=Count | None, reason=Text | None),
-    'lost_messages': _know(
-        found=Count, counted=Count, topic=Text, by=Literal['metadata.yaml', 'numbers']),
+    'lost_messages': _know(found=Count, counted=Count, topic=Text),
     'missing_file': _know(missing=Count, listed=Count, files=Text),
     'malformed_messages': _know(
         what=Literal['line', 'message'], count=Count, topic=Text | None, type=Text | None,
@@ -148,7 +147,7 @@ CODES: Mapping[str, Code] = {
     'receive_clock': _know(flaw=Flaw | None),
     'counted_samples': _know(rate_hz=Hertz),
     'uneven_stamps': _know(
-        clock=Text, numbered=Flag, hidden_share=Share | None, density_high_share=Share | None,
+        clock=Text, hidden_share=Share | None, density_high_share=Share | None,
         rate_error_share=Share | None),
     'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
     'clock_jumps': _know(clock=Text, count=Count),

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reception of messages: taken from the queue, counted, and decoded by publisher."""
 
-from dataclasses import replace
 import time
 
 from imu_allan.arrays import Ints
@@ -83,16 +82,8 @@ class Reception:
         self._received_ns = int(batch.receive_ns[-1])
 
     def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
-        blocks = self._decode([batch.messages[row] for row in rows.tolist()],
-                              batch.receive_ns[rows], self._count_malformed)
-        if batch.numbers is None or sum(map(len, blocks)) != len(rows):
-            # Messages that are left out or hold several samples make the numbers ambiguous.
-            return blocks
-        first, numbered, numbers = 0, [], batch.numbers[rows]
-        for block in blocks:
-            numbered.append(replace(block, numbers=numbers[first:first + len(block)]))
-            first += len(block)
-        return numbered
+        return self._decode([batch.messages[row] for row in rows.tolist()],
+                            batch.receive_ns[rows], self._count_malformed)
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count

@@ -141,12 +141,6 @@ def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
     return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
 
 
-def lost_before(numbers: Ints, before: int) -> Ints:
-    """Count the publication numbers skipped before each message, 0 where numbering restarts."""
-    lost: Ints = np.maximum(np.diff(numbers, prepend=before) - 1, 0)
-    return lost
-
-
 def iso_time(stamp_ns: int) -> str | None:
     """Format nanoseconds since 1970 as ISO-8601 in UTC; return None if they are out of range."""
     try:

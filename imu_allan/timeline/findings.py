@@ -97,8 +97,7 @@ def _figures(memory: Memory) -> Figures:
     if decision.pace.counting:
         hidden = _hidden_error(decision)
         figures['uneven_stamps'] = {
-            'clock': clock, 'numbered': decision.numbered,
-            'hidden_share': decision.pace.hidden if hidden else None,
+            'clock': clock, 'hidden_share': decision.pace.hidden if hidden else None,
             'density_high_share': hidden or None,
             'rate_error_share': _short_error(counts, decision) or None}
     if counts.gaps > len(counts.listed_gaps):

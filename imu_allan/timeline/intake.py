@@ -10,14 +10,13 @@ that first decision.
 
 from dataclasses import replace
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Bools
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     flaw_of,
     in_order,
-    lost_before,
     order_stamps,
     overlaps,
     place_in_burst,
@@ -33,7 +32,6 @@ from imu_allan.timeline.pace import (
     longest_at_one_rate,
     measure_pace,
     Pace,
-    pace_by_numbers,
     pace_of_each,
     spread_about,
 )
@@ -106,15 +104,11 @@ class Intake(Record):
         counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
         counts.duplicates += again
         samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
-        numbers = None
-        if window.numbers is not None:
-            numbers = window.numbers - decision.repeated - np.cumsum(twice)
-            decision.repeated += again
         if repeats.started:
             counts.forget()
             self._memory.motion = None
             decision.restart = self._memory.cursor.fresh_run = True
-        messages = Messages(stamps, other, samples, c, void, numbers)
+        messages = Messages(stamps, other, samples, c, void)
         left_out = repeats.frozen | twice
         return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
                 if left_out.any() else messages)
@@ -160,10 +154,8 @@ class Intake(Record):
                     'or force the stated rate (analyze --clock none)')
 
     def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher, unless publication numbers show that there is none."""
+        """Look for a second publisher."""
         decision = self.decision
-        if decision.numbered:
-            return
         rows = ~(repeats.held | repeats.frozen)
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
@@ -218,13 +210,6 @@ class Intake(Record):
         twice = self._twice(window, self.stamps(window)[0])
         rows = ~(repeats.held | repeats.frozen | twice)
         own, other = (stamps[rows] for stamps in self.stamps(window))
-        numbers = window.numbers
-        # Publication numbers increase, except for one restart of the driver's count.
-        decision.numbered = numbers is not None and not (
-            len(numbers) < _FEWEST_FOR_RATE or repeats.held.any() or self._counts.other_frames
-            or np.count_nonzero(numbers[1:] <= numbers[:-1]) > 1)
-        numbers = ((numbers - np.cumsum(twice))[rows] if numbers is not None and decision.numbered
-                   else None)
         bursts = decision.separates_equal_stamps
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
@@ -233,8 +218,8 @@ class Intake(Record):
             polled, beside = (stamps[polls] for stamps in self.stamps(window))
             if _none_lost(polled, beside, bursts):
                 # Removed repeats leave gaps on both clocks, but no sample is lost.
-                return _pace_of(own, None, None, bursts, each=True)
-        pace, count = _pace_of(own, other, numbers, bursts)
+                return _pace_of(own, None, bursts, each=True)
+        pace, count = _pace_of(own, other, bursts)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE
                 or flaw_of(window.receive_ns, _repeats(window.samples), bursts=True)):
@@ -242,13 +227,13 @@ class Intake(Record):
         if _leaps(own, other, pace):
             decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
             decision.remarks['receive_clock'] = {'flaw': 'in leaps'}
-            return _pace_of(other, own, numbers, bursts=True)
+            return _pace_of(other, own, bursts=True)
         # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
         # samples; beyond, the other clock shows no losses either.
         if (_is_nearly_full(pace, own) or pace.hidden > 0.3
                 or (pace.counting and follow_a_beat(own))):
             return pace, count
-        second, seen = _pace_of(other, own, numbers, bursts=True)
+        second, seen = _pace_of(other, own, bursts=True)
         if second is not None and pace.counting and second.counting:
             # Either clock may hide losses, so the larger bound holds.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
@@ -325,29 +310,18 @@ class Intake(Record):
         return gone | asleep, spoilt
 
 
-def _pace_of(stamps: Stamps, other: Stamps | None, numbers: Ints | None, bursts: bool,
-             each: bool = False) -> tuple[Pace | None, int]:
+def _pace_of(stamps: Stamps, other: Stamps | None, bursts: bool, each: bool = False,
+             ) -> tuple[Pace | None, int]:
     """Measure the pace on the longest run at one rate; also return the number of stamps used."""
     if bursts:
         stamps = stamps + place_in_burst(stamps, None, 0)
     order = order_stamps(stamps, None)
-    place = None if numbers is None else np.cumsum(1 + lost_before(numbers, int(numbers[0]) - 1))
     if order is not None:
         stamps, other = stamps[order.keep], None if other is None else other[order.keep]
-        if place is not None:
-            place = (place - np.cumsum(order.duplicate))[order.keep]
         edges = [0, *np.flatnonzero(order.jumps[order.keep]).tolist(), len(stamps)]
         longest = int(np.argmax(np.diff(edges)))
         run = slice(edges[longest], edges[longest + 1])
         stamps, other = stamps[run], None if other is None else other[run]
-        place = None if place is None else place[run]
-    if place is not None:
-        # Losses known from the numbers are not a change of rate.
-        pace, numbered = measure_pace(stamps, other), pace_by_numbers(stamps, place)
-        if (pace is not None and numbered is not None and place[-1] - place[0] >= len(place)
-                and (pace.counting
-                     or abs(numbered.interval_ns / pace.interval_ns - 1) > _OTHER_GRID)):
-            return numbered, len(stamps)
     part = longest_at_one_rate(stamps)
     return (pace_of_each(stamps[part]) if each else
             measure_pace(stamps[part], None if other is None else other[part])), len(stamps[part])
@@ -355,7 +329,7 @@ def _pace_of(stamps: Stamps, other: Stamps | None, numbers: Ints | None, bursts:
 
 def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
     """Return whether messages, repeats among them, come without losses."""
-    pace, _ = _pace_of(stamps, other, None, bursts)
+    pace, _ = _pace_of(stamps, other, bursts)
     if pace is None or pace.counting:
         return pace is not None and pace.hidden < 0.01
     # However uneven the polls are, all of them are there.

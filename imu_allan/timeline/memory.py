@@ -139,9 +139,6 @@ class Decision(Record):
     # Whether header stamps come in ticks, so that different messages share a stamp.
     ticks: bool = False
     overlaps: bool = False  # whether successive batches of header stamps overlap
-    numbered: bool = False  # whether publication numbers show which messages were lost in transit
-    # How many of the publication numbers so far belong to duplicates, which are not samples.
-    repeated: int = 0
     restart: bool = False  # whether the next samples returned invalidate those before
     # Reasons for decisions that the user should know: figures by the code of a finding.
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -194,8 +191,6 @@ class Cursor(Record):
     fresh_run: bool = False
     jumped: bool = False
     other_rate: bool = False  # whether messages come at another rate than the first ones
-    # Publication number of the last message, if it can show losses after it.
-    number: int | None = None
 
     @property
     def begins(self) -> bool:

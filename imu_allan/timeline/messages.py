@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Bools
 from imu_allan.block import ImuBlock
 from imu_allan.state import Record
 from imu_allan.timeline.clock import Stamps
@@ -55,13 +55,11 @@ class Pending(Record):
 
 def _joined(blocks: list[ImuBlock], messages: int) -> ImuBlock:
     """Join messages into one block, each axis contiguous, which is faster in numpy."""
-    numbers = [block.numbers for block in blocks if block.numbers is not None]
     return ImuBlock(
         np.concatenate([block.header_ns for block in blocks]),
         np.concatenate([block.receive_ns for block in blocks]),
         np.concatenate([block.samples for block in blocks], out=np.empty((6, messages)).T),
-        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id,
-        np.concatenate(numbers) if len(numbers) == len(blocks) else None)
+        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id)
 
 
 @dataclass(frozen=True)
@@ -75,10 +73,8 @@ class Messages:
     consumed: int  # number of leading messages to place; the others only show what follows
     # Messages with unusable values: they have a grid place, which stays empty, shape (n,).
     void: Bools
-    numbers: Ints | None = None  # as in `ImuBlock`, shape (n,)
 
     def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
         """Return the selected messages, of which `consumed` are to be placed."""
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
-                        self.void[rows],
-                        None if self.numbers is None else self.numbers[rows])
+                        self.void[rows])

@@ -126,21 +126,13 @@ def _on_grid(time: Array, steps: Array, interval: float) -> Pace | None:
     return None if pace.spread > COUNTING_SPREAD or _overfull(time, pace.interval_ns) else pace
 
 
-def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
-    """Measure the interval of stamps whose places are known; None for fewer than eight."""
-    if len(stamps) < _FEW_LOSSES:
-        return None
-    time, numbers = (stamps - stamps[0]).astype(np.float64), place.astype(np.float64)
-    line, _ = _on_a_line(time, numbers)
-    # Batches may lie on a grid of their own, so the lateness decides.
-    return Pace(line.interval_ns, line.spread, counting=line.spread > COUNTING_SPREAD)
-
-
 def pace_of_each(stamps: Stamps) -> Pace | None:
     """Measure the interval of samples none of which is lost; None for fewer than eight."""
-    pace = pace_by_numbers(stamps, np.arange(len(stamps)))
+    if len(stamps) < 8:
+        return None
+    line, _ = _on_a_line((stamps - stamps[0]).astype(np.float64))
     # A poll that comes late by a part of the interval is no lost sample.
-    return None if pace is None else replace(pace, counting=pace.spread > 0.05)
+    return Pace(line.interval_ns, line.spread, counting=line.spread > 0.05)
 
 
 def _is_tick(stamps: Stamps, steps: Array, interval: float) -> bool:
@@ -345,19 +337,12 @@ def _spread(length: Array) -> float:
     return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
-def _on_a_line(time: Array, numbers: Array | None = None) -> tuple[Pace, float]:
-    """Fit a line with one sample per message, or number; also return how far stamps lie off it."""
+def _on_a_line(time: Array) -> tuple[Pace, float]:
+    """Fit a line with one sample per message; also return how far stamps lie off it."""
     n = len(time)
-    apart = max(min(n // 4, PHASE_GROUP), 1)
-    if numbers is None:
-        place = np.arange(n, dtype=np.float64)
-        interval = median_interval(time, apart) or float(time[-1]) / (n - 1)
-    else:
-        place = numbers - numbers[0]
-        # A distance in messages is some batches and a fraction of one: many distances average it.
-        interval = float(np.median(np.concatenate([
-            (time[far:] - time[:-far]) / (place[far:] - place[:-far])
-            for far in range(apart, 2 * apart, 3)])))
+    place = np.arange(n, dtype=np.float64)
+    interval = (median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+                or float(time[-1]) / (n - 1))
     for _ in range(3):
         counted = place + lasting_jumps(time / interval - place)
         middle = counted - counted.mean()

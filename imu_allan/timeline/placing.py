@@ -19,7 +19,6 @@ from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.clock import (
     in_order,
-    lost_before,
     order_stamps,
     place_in_burst,
     SECOND,
@@ -105,10 +104,6 @@ class Placing(Record):
             counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
             early = ~(order.keep | order.duplicate)[:c]
             counts.out_of_order += int(np.count_nonzero(early & usable))
-            if messages.numbers is not None:
-                self._decision.repeated += int(np.count_nonzero(order.duplicate[:c]))
-                messages = replace(
-                    messages, numbers=messages.numbers - np.cumsum(order.duplicate))
             c = int(np.count_nonzero(order.keep[:c]))
             messages, jumps = messages.pick(order.keep, c), order.jumps[order.keep]
         if not c:
@@ -163,12 +158,10 @@ class Placing(Record):
             pace = measure_pace(messages.stamps)
             if pace is not None:
                 decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
-        c, lost = messages.consumed, self._lost(messages)
-        steps = self._steps(messages, lost)
+        c, steps = messages.consumed, self._steps(messages)
         if not decision.counted_only and (cursor.other_rate
                                           or self._rate_uncertain(messages, steps)):
-            changes = rate_changes(self._places(messages, lost)[:c], decision.pace,
-                                   cursor.other_rate)
+            changes = rate_changes(self._places(messages)[:c], decision.pace, cursor.other_rate)
             if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
                 yield from self._split_by_rate(messages, changes)
                 return
@@ -192,7 +185,7 @@ class Placing(Record):
                 self._leave_out(part)
             elif part.consumed:
                 self.cursor.other_rate = False
-                yield from self._put(part, self._steps(part, self._lost(part)))
+                yield from self._put(part, self._steps(part))
 
     def _leave_out(self, messages: Messages) -> None:
         """Reject messages that come at another rate."""
@@ -206,45 +199,23 @@ class Placing(Record):
             pace = measure_pace(messages.stamps[:n])
             counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
         counts.at_other_rate += n
-        cursor.other_rate, cursor.number = True, None
+        cursor.other_rate = True
 
-    def _places(self, messages: Messages, lost: Ints) -> Array:
-        """Return stamps in intervals since the last sample placed, minus known lost messages."""
+    def _places(self, messages: Messages) -> Array:
+        """Return stamps in intervals since the last sample placed."""
         cursor, interval = self.cursor, self._decision.pace.interval_ns
         if cursor.fresh_run or cursor.last_ns is None:
             since, late = messages.stamps - messages.stamps[0], interval
         else:
             since, late = messages.stamps - cursor.last_ns, cursor.late_ns
         places: Array = (since.astype(np.float64) + late) / interval
-        return places - np.cumsum(lost) if lost.any() else places
+        return places
 
-    def _steps(self, messages: Messages, lost: Ints) -> Ints:
+    def _steps(self, messages: Messages) -> Ints:
         """Count grid steps to each message from the one before."""
         cursor, pace = self.cursor, self._decision.pace
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
-        return lost + count_steps(self._places(messages, lost), pace, late, cursor.begins)
-
-    def _lost(self, messages: Messages) -> Ints:
-        """Count messages lost before each one by their numbers; 0 where stamps alone decide."""
-        numbers, cursor, decision = messages.numbers, self.cursor, self._decision
-        if numbers is None or not (decision.numbered and decision.pace.counting):
-            return np.zeros(len(messages.stamps), dtype=np.int64)
-        known = None if cursor.begins else cursor.number
-        lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
-        # After a message of another publisher numbers may jump, but time does not.
-        passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
-                         else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
-        leaps = (lost > sqrt(12) * decision.pace.spread) & (passed < 0.5 * lost)
-        # If more are lost, time passes between two stamps.
-        most_lost = 64
-        for at in np.flatnonzero(leaps).tolist():
-            # In a batch, the time of lost messages passes only before the next batches.
-            ahead = np.cumsum(1 + lost - passed)[max(at - most_lost, 0):at + most_lost]
-            before = min(at, most_lost)
-            usual = float(np.mean(ahead[:before])) if before else 0.0
-            if lost[at] >= most_lost or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
-                lost[at] = 0
-        return lost
+        return count_steps(self._places(messages), pace, late, cursor.begins)
 
     def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
         """Return elapsed intervals, grid places and number of messages, each without gaps."""
@@ -351,7 +322,6 @@ class Placing(Record):
         cursor.elapsed_ns += passed_ns
         cursor.index += places
         cursor.last_ns, cursor.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
-        cursor.number = None if messages.numbers is None else int(messages.numbers[c - 1])
         cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         mean = float(np.add.reduce(late)) / len(late)
         cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))

@@ -59,8 +59,6 @@ class TimelineStage(Record):
         if block.frame_id != decision.frame_id:
             if decision.frame_id is not None:
                 self._memory.counts.reject_frame(block.frame_id, len(block))
-                # Publication numbers also count messages of other frames.
-                decision.numbered = False
                 return []
             decision.frame_id = block.frame_id
         self._pending.append(block)

@@ -293,15 +293,13 @@ def _rest_within_motion(f: Any) -> str:
 
 
 def _uneven_stamps(f: Any) -> str:
-    seen = ('what was lost is known by the numbers of the messages' if f.numbered
-            else 'only gaps that last are seen')
     hidden = '' if 'hidden_share' not in f else (
         f'. Up to {_percent(f.hidden_share, 1)} of the samples may be missing unseen, and N '
         f'then up to {_percent(f.density_high_share, 1)} too high')
     off = '' if 'rate_error_share' not in f else (
         f'. The rate may be up to {_percent(f.rate_error_share, 1)} off')
     return (f'{f.clock} stamps come too unevenly to see a single missing sample: messages are '
-            f'counted, {seen}{hidden}{off}')
+            f'counted, only gaps that last are seen{hidden}{off}')
 
 
 def _two_rates(f: Any) -> str:
@@ -596,10 +594,9 @@ WORDS: Mapping[str, Words] = {
         brief='most of the recording is missing'),
     'lost_messages': Words(
         'lost messages', 'Fewer messages were found than recorded.',
-        'metadata.yaml counts more, or numbers of messages are missing.',
-        says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} '
-                       + ('that metadata.yaml counts were found' if f.by != 'numbers' else
-                          'by their numbers were recorded'),
+        'metadata.yaml counts more.',
+        says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} that metadata.yaml '
+                       'counts were found',
         do=_again, general='copy it again',
         brief='most messages are lost'),
     'missing_file': Words(

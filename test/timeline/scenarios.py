@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import sqrt
 import sys
 
@@ -403,9 +403,6 @@ EXACT = {'random_loss', 'burst_loss', 'long_gaps', 'lone_samples', 'repeated_mes
          'coarse_output', 'constant_axis', 'receive_constant', 'driver_restart',
          'noise_changes', 'tilt', 'half_rate_vibration'}
 """Faults beside which missing samples can be counted to the last one."""
-BEFORE = {'every_kth_dropped', 'dropped_in_turn', 'one_of_few_dropped', 'two_publishers',
-          'rate_change', 'polled_twice'}
-"""Faults that drop or double messages before they are published and numbered."""
 SLOW = ('bias_instability', 'rate_random_walk')
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
@@ -446,14 +443,11 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
     return messages, truth, rng
 
 
-def characterized(messages: Messages, rng: Generator | None = None, *, numbered: bool = False,
-                  **options: object) -> Result:
+def characterized(messages: Messages, rng: Generator | None = None, **options: object) -> Result:
     """Give the result of messages; with `rng` by blocks of random sizes, saved on the way."""
     run = Characterization(kind='recording', path='scenario', topic='/imu',
                            options=TimelineOptions(**options))  # type: ignore[arg-type]
     block = messages.block()
-    if numbered:
-        block = replace(block, numbers=messages.place + 1)
     edges = [] if rng is None else rng.integers(0, len(block), 12)
     for part in cut(block, [*edges, *(edge + 1 for edge in edges[::3])]):
         # As node and recordings do: a driver may take a while to start.
@@ -512,7 +506,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     return wrong, false_terms(result), len(result.axes)
 
 
-def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: bool = False,
+def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *,
             kinds: Sequence[Sequence[Fault]] = FAULTS) -> Verdict:
     """Run one scenario; most of its time goes into the fit of the axes that are there."""
     messages, truth, rng = compose(seed, samples, kinds)
@@ -520,8 +514,7 @@ def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: 
     if not np.isfinite(messages.samples).any():
         truth.said.add('refused')
     try:
-        numbered &= BEFORE.isdisjoint(truth.faults)
-        wrong, slow_axes, axes = judge(characterized(messages, rng, numbered=numbered), truth)
+        wrong, slow_axes, axes = judge(characterized(messages, rng), truth)
     except ImuAllanError as error:
         said = 'refused' in truth.said or ('several_publishers' in truth.said
                                            and str(error) == f'{MOVES}; {OR_TWO}')

@@ -7,7 +7,7 @@ from functools import cache, partial
 
 from imu_allan.finding import finding
 from imu_allan.timeline.foreign_samples import alternates, are_interleaved
-from imu_messages import codes, cut, rows_by_place, run, said
+from imu_messages import codes, cut, run, said
 import numpy as np
 import pytest
 from repeated import slow
@@ -97,7 +97,6 @@ def unsure(remarks, name='hidden_share'):
     """Give a share that stamps which come too unevenly leave open; 0 if they are not reported."""
     for found in remarks:
         if found.code == 'uneven_stamps':
-            assert not found.values['numbered']
             return found.values[name] or 0.0
     return 0.0
 
@@ -331,11 +330,6 @@ def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(e
     assert not PERHAPS_TWO & codes(run(messages.block())[0])
 
 
-def test_messages_with_the_numbers_of_one_publisher_are_not_asked_for_a_second():
-    two = in_turn(0.5, APART, 2.0)
-    assert not PERHAPS_TWO & codes(run(replace(two.block(), numbers=two.place + 1))[0])
-
-
 @pytest.mark.parametrize(('speed', 'back_s'), [
     (0.001, 0), (0.1, 0), (10.0, 0), (1000.0, 0), (10.0, 500.0), (1.0, 3600.0)])
 def test_clocks_of_different_speed_are_reported(speed, back_s):
@@ -450,62 +444,6 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
 def test_where_two_publishers_pass_for_motion_the_refusal_names_them():
     with refused(f'{scenarios.MOVES}; {scenarios.OR_TWO}'):
         characterized(compose(5_000_149)[0])
-
-
-@pytest.mark.parametrize(('size', 'lost'), [(4, 0.2), (10, 0.5)])
-def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
-    messages, truth, rng = rest(200.0, 60, seed=size)
-    messages.samples[:, 1:] = np.nan
-    kept = lose(in_batches(messages, size, truth.rate_hz), lost, rng)
-    result = characterized(kept, numbered=True)
-    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    assert result.timeline.missing == missed(kept)
-    uneven = said(result, 'uneven_stamps').values
-    assert (uneven['clock'], uneven['numbered']) == ('header', True)
-    if lost < 0.5:
-        assert_right(result, truth, 0.05, axes=1)
-    assert characterized(kept, rng, numbered=True).to_dict() == result.to_dict()
-
-
-@pytest.mark.parametrize('clock', ['header', 'receive'])
-def test_messages_published_twice_are_no_lost_ones(clock):
-    messages, truth, rng = rest(duration_s=100)
-    n = len(messages.place)
-    stamps = np.sort(messages.place + rng.normal(0, 0.35, n)) / truth.rate_hz
-    messages.header, messages.receive = stamps, stamps + (1e-3 if clock == 'header' else 0)
-    lost = rng.random(n) < 0.02
-    times = np.where(lost, 0, 1 + (rng.random(n) < 0.02))
-    rows = np.repeat(np.arange(n), times)
-    # One that is lost had a number; so has one that comes a second time.
-    numbers = np.repeat(np.cumsum(np.maximum(times, 1)) - times + 1, times)
-    numbers[1:] += np.diff(rows) == 0
-    block = replace(messages.block().part(rows), numbers=numbers)
-    whole, _ = run(block, clock=clock)
-    assert whole.timeline.missing == np.count_nonzero(lost[rows[0]:rows[-1]])
-    assert whole.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
-    parts = [block.part(slice(at, at + 97)) for at in range(0, len(block), 97)]
-    assert run(parts, clock=clock)[0] == whole
-
-
-@pytest.mark.parametrize(('jitter', 'leap'), [(0.6, 5), (0.35, 63)])
-def test_numbers_that_leap_without_time_are_no_loss(jitter, leap):
-    messages, truth, rng = rest(duration_s=100)
-    n = len(messages.place)
-    messages.header = np.sort(messages.place + rng.normal(0, jitter, n)) / truth.rate_hz
-    messages.receive = messages.header + 1e-3
-    numbers = messages.place + 1 + leap * (messages.place > 5000)
-    summary, _ = run(replace(messages.block(), numbers=numbers))
-    assert summary.timeline.missing == 0
-    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
-
-
-def test_publication_numbers_change_nothing_where_stamps_tell_as_much():
-    messages, _, rng = rest()
-    kept = lose(messages, 0.03, rng)
-    numbered, even = run(replace(kept.block(), numbers=kept.place + 1))
-    plain, expected = run(kept.block())
-    assert numbered == plain
-    assert np.array_equal(rows_by_place(even)[1], rows_by_place(expected)[1])
 
 
 @pytest.mark.parametrize(('rate_hz', 'share', 'outlier'), [
@@ -623,9 +561,7 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(verdict):
 @pytest.mark.parametrize(('seeds', 'more', 'most'), [
     (range(40), {}, 0.01), slow(range(300), {}, 0.01),
     (range(30), {'kinds': MORE_FAULTS}, 0.01),
-    slow(range(20_000), {'kinds': MORE_FAULTS, 'axes_there': 3}, 0.002),
-    (range(10_000, 10_010), {'numbered': True}, 0),
-    slow(range(10_000, 10_040), {'numbered': True}, 0)])
+    slow(range(20_000), {'kinds': MORE_FAULTS, 'axes_there': 3}, 0.002)])
 def test_random_faults_leave_no_number_silently_wrong(seeds, more, most):
     verdicts = [verdict(seed, 6000, **{'axes_there': 1, **more}) for seed in seeds]
     wrong = [one for one in verdicts if one.violations]
