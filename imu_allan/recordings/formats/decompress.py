@@ -10,6 +10,7 @@ file.
 
 import bz2
 from collections.abc import Callable, Iterable, Iterator
+from io import BytesIO
 from itertools import groupby, islice
 from pathlib import Path
 import threading
@@ -43,10 +44,14 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
     """Decompress a buffer that must yield `size` bytes; raise DamagedData if it does not."""
     try:
         plain = _DECOMPRESSORS[compression](data, size)
+        if len(plain) < size and compression in _STREAMS:
+            # The data may consist of several frames, of which that was the first.
+            plain = _STREAMS[compression](BytesIO(data)).read(size)
     except KeyError:
         raise DamagedData(f'compression {compression[:20]!r} is not supported') from None
     # lz4 raises RuntimeError, bz2 OSError, and all raise MemoryError for absurd sizes.
-    except (zstandard.ZstdError, RuntimeError, OSError, ValueError, MemoryError) as error:
+    except (zstandard.ZstdError, RuntimeError, OSError, EOFError, ValueError,
+            MemoryError) as error:
         raise DamagedData(f'{compression}: {error}') from error
     if len(plain) != size:
         raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
@@ -63,7 +68,7 @@ def declared_size(head: bytes) -> int:
 
 def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
     """Return a function that reads decompressed bytes of a zstd file, or raises DamagedData."""
-    stream = _LOCAL.zstd.stream_reader(file, read_across_frames=True)
+    stream = _STREAMS['zstd'](file)
 
     def read(size: int) -> bytes:
         try:
@@ -96,6 +101,11 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
     '': lambda data, _: data, 'none': lambda data, _: data, 'zstd': _unzstd,
     'lz4': lambda data, size: lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size),
     'bz2': lambda data, size: bz2.BZ2Decompressor().decompress(data, max_length=size)}
+
+
+_STREAMS: dict[str, Callable[[BinaryIO], BinaryIO]] = {
+    'zstd': lambda file: _LOCAL.zstd.stream_reader(file, read_across_frames=True),
+    'lz4': lz4.frame.LZ4FrameFile}
 
 
 class ReadingLimits:

@@ -130,8 +130,9 @@ class _LogReader:
         self._names = names
         self._sizes: dict[int, int] = {}
         self._formats: dict[str, str] = {}
-        self._layouts: dict[int, tuple[str, np.dtype[Any]]] = {}
-        self._found: dict[int, list[int]] = {}
+        # By number: topic, layout, and the places of its data; then those of former numbers.
+        self._found: dict[int, tuple[str, np.dtype[Any], list[int]]] = {}
+        self._former: list[tuple[str, np.dtype[Any], list[int]]] = []
 
     def through(self, data: bytes) -> int:
         """Step through messages; return the offset of the first incomplete one."""
@@ -156,7 +157,7 @@ class _LogReader:
             if kind == 68:  # D
                 if number in sizes:
                     if length >= sizes[number]:
-                        self._found[number].append(at + 5)
+                        self._found[number][2].append(at + 5)
                     else:
                         self.damaged += length + 3
             elif kind == 70:  # F
@@ -171,8 +172,8 @@ class _LogReader:
     def extract(self, data: bytes) -> Iterator[tuple[str, Records]]:
         """Yield the records found so far, by topic."""
         content = np.frombuffer(data, np.uint8)
-        for number, places in self._found.items():
-            name, layout = self._layouts[number]
+        former, self._former = self._former, []
+        for name, layout, places in (*former, *self._found.values()):
             starts = np.asarray(places, np.int64)
             places.clear()
             if len(starts):
@@ -183,6 +184,10 @@ class _LogReader:
     def _subscribe(self, body: bytes) -> None:
         """Start collecting the data of a topic if it is wanted and has the required fields."""
         name = body[3:].decode(errors='replace')
+        number = int.from_bytes(body[1:3], 'little')
+        if self._sizes.pop(number, None) is not None:
+            # Another subscription has taken over the number.
+            self._former.append(self._found.pop(number))
         if len(body) < 3 or name not in self._formats:
             return
         layout = _layout(self._formats[name])
@@ -191,10 +196,8 @@ class _LogReader:
         if (lack := lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
             self.reasons[full] = f'its format has no field {lack}'
             return
-        number = unpack_from('<H', body, 1)[0]
-        self._layouts[number] = full, layout
         self._sizes[number] = 2 + layout.itemsize
-        self._found.setdefault(number, [])
+        self._found[number] = full, layout, []
 
 
 def _layout(text: str) -> np.dtype[Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from processes import run
 import pytest
 from repeated import combined
+import zstandard
 
 MESSAGES = block(3000)
 KINDS = [*((write_mcap, {'compression': name}) for name in bags.COMPRESSIONS),
@@ -39,6 +40,16 @@ def test_every_bit_of_what_another_library_wrote_is_read(tmp_path, write, option
     after, remarks = read(path)
     assert_same(MESSAGES, after)
     assert remarks == []
+
+
+@pytest.mark.parametrize('library', [zstandard, lz4.frame], ids=name_of)
+def test_chunks_of_several_frames_are_read(tmp_path, monkeypatch, library):
+    one = library.compress
+    monkeypatch.setattr(library, 'compress', lambda data: b''.join(
+        one(data[at:at + 9999]) for at in range(0, len(data), 9999)))
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES,
+                      compression='zstd' if library is zstandard else 'lz4')
+    assert_same(MESSAGES, read(path)[0])
 
 
 @pytest.mark.parametrize(('write', 'options'), KINDS, ids=name_of)

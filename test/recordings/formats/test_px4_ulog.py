@@ -124,6 +124,17 @@ def test_what_is_damaged_is_left_out_and_reported(tmp_path):
                        said(path, 'truncated_recording', fault='log', bytes=one - 1)]
 
 
+def test_the_number_of_a_topic_may_go_over_to_another_and_back(tmp_path):
+    form, messages = combined()
+    whole = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)})
+    data = write(tmp_path / 'b.ulg', {'sensor_combined': (form, messages[:200])}).read_bytes()
+    for name, more in ('other', [bytes(60)] * 9), ('sensor_combined', messages[200:]):
+        data += framed(b'A', bytes(3) + name.encode()) + b''.join(
+            framed(b'D', bytes(2) + message) for message in more)
+    (tmp_path / 'b.ulg').write_bytes(data)
+    assert_same(read(tmp_path / 'b.ulg')[0], read(whole)[0])
+
+
 def test_what_was_appended_after_a_crash_is_read(tmp_path):
     whole = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
     data = bytearray(whole.read_bytes())
