@@ -36,7 +36,7 @@ from imu_allan.noise.stationarity import (
 from imu_allan.noise.tones import find_lines, NAMED, vibrations
 from imu_allan.noise.trends.mean_in_blocks import Waveform, without_mean
 from imu_allan.noise.trends.regressors import RecordSpectrum
-from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles
+from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
 from imu_allan.noise.trends.temperature import TemperatureSeries
 from imu_allan.result import Tone
 import numpy as np
@@ -229,18 +229,20 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
 
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform],
                     bank: Bank) -> list[_Source]:
-    """Remove strong cycles from every axis, including those found on the other axes."""
-    found = strong_cycles([source.record.with_trends(beside) for source in sources], bank)
+    """Remove strong cycles, including those found on other axes, and slow lines."""
+    found = strong_cycles([source.record.with_trends(beside) for source in sources],
+                          [lines_hz(source.lines) for source in sources], bank)
     known = [1 / one.period_s for one in found if one is not None]
-    if not known:
-        return list(sources)
     left = []
     for source, own in zip(sources, found, strict=True):
         cycle = own or known_cycle(source.record.with_trends(beside), known)
         if cycle is not None:
             source = replace(source, cycle=cycle).without_moving_mean(
                 finished, replace(cycle.record, trends=()))
-        left.append(source)
+        record = source.record
+        lines = vibrations(source.lines, None if cycle is None else cycle.period_s,
+                           record.sections, record.dt)
+        left.append(replace(source, record=without_lines(record, lines_hz(lines))))
     return left
 
 

@@ -131,6 +131,15 @@ def test_a_vibration_beside_a_cycle_stays_and_the_harmonics_of_the_cycle_do_not(
     assert sorted(round(tone.frequency_hz, 2) for tone in axis.tones) == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.parametrize(('period', 'hours', 'seed'), [
+    (60, 1.0, 3), (60, 1.0, 4), (60, 4.0, 1), (100, 2.0, 7)])
+def test_no_cycle_or_warm_up_is_made_of_the_side_lobes_of_a_slow_line(period, hours, seed):
+    axis, said = warmed(lambda t: 2e-4 * np.sin(2 * np.pi * t / period + 0.7 * seed), seed, 10.0,
+                        hours, {N: 1e-4})
+    assert ([tone.frequency_hz for tone in axis.tones], [*said]) == (
+        [pytest.approx(1 / period, rel=2e-3)], [])
+
+
 @pytest.mark.parametrize('seed', [2, 16, 27])
 def test_chance_makes_no_cycle_of_a_short_record(seed):
     # Harmonics that are fitted to noise take some of it: what is left is no measure of the rest.
@@ -189,6 +198,12 @@ def test_a_step_is_found_with_its_place_and_size_and_bounds_the_random_walk(at, 
     found = axis.coefficients[K]
     assert (found.observable, found.observable_in_s) == (False, None)
     assert walk < found.upper95 < most
+
+
+def test_the_segment_with_a_step_is_no_louder_than_the_others():
+    step = 2e-3 * (np.arange(90_000) > 36_000)
+    axis, said = characterized(simulate({N: 1e-4}, len(step), 25.0, 1) + step, 25.0)
+    assert ([*said], axis.stationarity.steady) == (['bias_step'], True)
 
 
 def test_noise_of_any_colour_has_no_step():

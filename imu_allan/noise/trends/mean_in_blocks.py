@@ -82,11 +82,15 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
         begin, end = np.interp(ends, seen, middle + calm.cell / 2, left=0.0) * dt
         if end <= begin:
             continue
+        # Slopes do not show a step within the segment. Only a step is far off a straight line
+        # through so many points.
+        jump = np.abs(np.diff(mean(np.linspace(begin, end, 4097)), 2)).max()
         for length, step in TRANSFORMS:
             place = layout(length, step)
             index = np.arange(place.first, place.last)
             slopes = _slopes(mean, begin, end, length * step * dt)
-            leak = place.means(_of_slopes(length, step * dt, index, *slopes))
+            leak = place.means(_of_slopes(length, step * dt, index, *slopes)
+                               + jump**2 * _of_step(length, index) / len(slopes[0]))
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
             left = power[place.bands] - leak
@@ -103,6 +107,11 @@ def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tup
     near = 1e-3 * block_s
     slope = (mean(edges + near) - mean(edges - near)) / (2 * near)
     return slope[:-1], slope[1:]
+
+
+def _of_step(length: int, index: Ints) -> Array:
+    """Return the power of coefficients over a block with a unit step, the mean over its places."""
+    return np.asarray(1 / (4 * length * np.sin(np.pi * index / (2 * length))**2))
 
 
 def _of_slopes(length: int, step: float, index: Ints, before: Array, after: Array) -> Array:

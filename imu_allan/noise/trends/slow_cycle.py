@@ -49,17 +49,26 @@ class SlowCycle:
         return 1 / self.cycle.frequency_hz
 
 
-def strong_cycles(records: Sequence[RecordSpectrum], bank: Bank) -> list[SlowCycle | None]:
-    """Find and remove the cycle of each axis, if it is significant; `bank`: trends to look for."""
+def strong_cycles(records: Sequence[RecordSpectrum], lines_hz: Sequence[Sequence[float]],
+                  bank: Bank) -> list[SlowCycle | None]:
+    """
+    Find and remove the cycle of each axis, if it is significant.
+
+    `lines_hz`: of each axis; those too fast for a cycle are no part of one. `bank`: trends to look
+    for.
+    """
     if bank.duration_s == 0:
         return [None] * len(records)
-    return [_strong_cycle(record, bank) for record in records]
+    return [_strong_cycle(record, [hz for hz in lines if hz > _fastest(record)], bank)
+            for record, lines in zip(records, lines_hz, strict=True)]
 
 
-def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
+def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
+                  ) -> SlowCycle | None:
+    record = without_lines(whole, fast_hz)
     noise = _noise(record)
     frequency_hz = _likeliest(record, noise, bank)
-    variance = _variance(record, noise)
+    variance = _variance(whole, noise)
     # Continue only with harmonics that are unlikely by chance, or with an outlier.
     if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
@@ -71,11 +80,11 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
-    left = _variance(record, _noise(without(record, comb, variance)))
+    left = _variance(whole, _noise(without(record, comb, variance)))
     if _chance(record, left, comb.frequency_hz) >= certain:
         return None
-    found = _taken_out(record, variance, frequency_hz)
-    left = _no_less_than_left(record, found.record)
+    found = _taken_out(whole, variance, frequency_hz)
+    left = _no_less_than_left(whole, found.record)
     # With less than two periods, a cycle cannot be distinguished from a mean that bends.
     if (record.duration_s < 2 * found.period_s
             or _chance(record, left, 1 / found.period_s) >= certain):
@@ -85,12 +94,22 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
 
 def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> SlowCycle | None:
     """Remove the strongest cycle at frequencies of other axes, as a heater affects all axes."""
-    if record.duration_s == 0:
+    if record.duration_s == 0 or not frequencies_hz:
         return None
     variance = _variance(record, _noise(record))
     ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
                               for hz in frequencies_hz)
     return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
+
+
+def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSpectrum:
+    """Remove lines from the coefficients of the whole record, where side lobes pass for trends."""
+    slow = [hz for hz in lines_hz if hz < record.bins.frequency[record.bins.whole].max(initial=0)]
+    if slow:
+        variance = _variance(record, _noise(record))
+        for hz in slow:
+            record = without(record, refined(record, variance, hz, 1), variance)
+    return record
 
 
 def _noise(record: RecordSpectrum) -> Array:
