@@ -110,9 +110,12 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     for without in (_without_found_cycle, _without_found_mean):
         changed = {number: calm for number, (source, posterior) in enumerate(
             zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
-        for number, posterior in zip(changed, _weighed([*changed.values()], dt, bank),
-                                     strict=True):
-            sources[number], first[number] = changed[number], posterior
+        again = [number for number, calm in changed.items() if calm.differs_from(sources[number])]
+        for number, posterior in zip(again, _weighed([changed[number] for number in again], dt,
+                                                     bank), strict=True):
+            first[number] = posterior
+        for number, calm in changed.items():
+            sources[number] = calm
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
@@ -173,6 +176,12 @@ class _Source:
         """Return the spectrum, with fewer degrees of freedom where the noise changes."""
         own = self.record.groups()
         return own if self.steady is None else self.steady.capped(own)
+
+    def differs_from(self, other: '_Source') -> bool:
+        """Return whether the log likelihood of a model may differ by a tenth of a nat."""
+        own, before = self.capped, other.capped
+        return len(own.dof) != len(before.dof) or bool(0.5 * np.abs(
+            own.dof * own.power - before.dof * before.power) @ (1 / before.power) > 0.1)
 
     def parts(self) -> list[Groups]:
         """Return the spectra of quarters of the record; an empty list if they are too short."""
