@@ -225,9 +225,8 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         # the mean level, which is below any noise, so that ratios to it are finite.
         floor = np.maximum(floor, 1e-9 * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
-        if scale > 1:
-            # Below a tenth of the largest floor, a hump is a side lobe of a filter response.
-            found &= mean > 0.1 * floor.max()
+        # Far below the largest floor, in a stop band, it is a side lobe of the filter's response.
+        found &= mean > (1e-3 if scale == 1 else 0.1) * floor.max()
         if (found == hit).all():
             break
         hit = found

@@ -63,7 +63,8 @@ def test_what_rises_less_than_chance_allows_is_no_line(blocks, scale, height, ex
     assert all(floor == pytest.approx(1, rel=0.1) for *_, floor in found)
 
 
-@pytest.mark.parametrize('response', [[1.0], np.full(8, 1 / 8), firwin(31, 0.3), firwin(63, 0.15)])
+@pytest.mark.parametrize('response', [[1.0], np.full(8, 1 / 8), firwin(31, 0.3), firwin(63, 0.15),
+                                      firwin(255, 0.1), firwin(511, 0.4, window='boxcar')])
 def test_white_noise_and_side_lobes_of_a_filter_are_no_lines(response):
     noise = np.random.default_rng(4).normal(size=300_000)
     lines, keep = lines_of(lfilter(response, 1, noise)[100:])
