@@ -95,35 +95,11 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             names = dict(halves)
             return _two(names['gyro'], names['accel'])
     chosen = choose_topic(recording, topic)
-    _report_filtered(recording, chosen)
     return _split_if_merged(recording, chosen)
 
 
 def _two(gyro: str, accel: str) -> list[Stream]:
     return [Stream(gyro, 'gyro'), Stream(accel, 'accel')]
-
-
-def _report_filtered(recording: Recording, topic: str) -> None:
-    """
-    Report a topic whose samples were changed by an orientation filter.
-
-    By REP 145, ``imu/data_raw`` comes from the sensor and ``imu/data`` from the orientation
-    filter. Most filters pass the samples on unchanged; imu_complementary_filter subtracts its bias
-    estimate.
-    """
-    raw = f'{topic}_raw'
-    if not topic.endswith('/data') or raw not in recording.by_name:
-        return
-    filtered, sensor = (
-        {stamp: sample for block in _beginning(recording, name)
-         for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True)}
-        for name in (topic, raw))
-    common = filtered.keys() & sensor.keys()
-    changed = sum(not np.allclose(filtered[stamp], sensor[stamp], rtol=1e-5, atol=1e-9)
-                  for stamp in common)
-    if len(common) >= _ENOUGH and changed > len(common) / 2:
-        recording.remark(
-            'filtered', by='orientation', topic=printable(topic), raw=printable(raw))
 
 
 def _report_choice(recording: Recording) -> None:

@@ -233,9 +233,6 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
                             '.bin that it was made from')
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
             separator in head for separator in (b',', b';', b'\t'))):
-        from imu_allan.recordings.formats.foxglove_csv import FoxgloveCsv, is_foxglove
-        if is_foxglove(head):
-            return FoxgloveCsv(path, stored, options)
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)
     if path.name == 'metadata.yaml':

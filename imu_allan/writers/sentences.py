@@ -329,9 +329,6 @@ def _again(f: Any) -> str:
     return 'copy it again, or record anew' if f.severity == 'act' else ''
 
 
-_RAW_LOG = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
-            'full rate')
-
 WORDS: Mapping[str, Words] = {
     # the sensor does not measure
     'stood_still': Words(
@@ -386,14 +383,11 @@ WORDS: Mapping[str, Words] = {
         brief='a filter has removed slow noise'),
     'filtered': Words(
         'filtered', 'A filter has changed the samples.',
-        'The raw topic beside them has other values, or the log says so.',
-        says=lambda f: (
-            'IMU messages have passed the filters of the autopilot (INS_GYRO_FILTER, '
-            'INS_ACCEL_FILTER)' if f.by == 'autopilot' else
-            f'the samples of {f.topic} have passed an orientation filter that changes them, '
-            'perhaps by a bias that it estimates'),
-        do=lambda f: _RAW_LOG if f.by == 'autopilot' else f'take {f.raw}',
-        general='take the raw topic, or log raw samples',
+        'IMU messages of ArduPilot are those behind its filters.',
+        says='IMU messages have passed the filters of the autopilot (INS_GYRO_FILTER, '
+             'INS_ACCEL_FILTER)',
+        do='set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
+           'full rate',
         brief='a filter has changed the samples'),
     'axis_not_finite': Words(
         'no numbers', 'The axis holds no numbers and is left out.',
@@ -574,12 +568,6 @@ WORDS: Mapping[str, Words] = {
                        'between fewer',
         do='switch uniting off in the driver (RealSense: unite_imu_method 0)',
         brief='the driver interpolates it'),
-    'batches': Words(
-        'batches', 'The log holds short batches with pauses: only N can be seen.',
-        'The log says so.',
-        says=lambda f: f'topic {f.topic} comes in batches with pauses: it shows N and no more',
-        do=_RAW_LOG,
-        brief='the log holds short batches only'),
     'damaged_recording': Words(
         'damaged recording', 'Part of the recording cannot be read; the rest is used.',
         'Checksums or places in the file are wrong.',
@@ -813,12 +801,6 @@ WORDS: Mapping[str, Words] = {
         'Their names are not those of axes.',
         says=_ignored_columns,
         do='--columns gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what'),
-    'merged_messages': Words(
-        'merged messages', 'Messages of the same times cannot be distinguished in such a file.',
-        'Receive time and stamp are equal.',
-        says=lambda f: f'merged {counted(f.count, "message")} with another of the same receive '
-                       'time and stamp, of which the last counts: nothing else in such a file '
-                       'distinguishes them'),
     'repeated_part': Words(
         'repeated part', 'A part that comes twice counts once.',
         'Stamps and values repeat those before.',

@@ -55,12 +55,11 @@ def ulog(folder):
 
 
 def ardupilot(folder):
-    """Write a log with pymavlink: of one message for all, of one a sensor, and of batches."""
+    """Write a log with pymavlink: of one message for all, and of one a sensor."""
     pytest.importorskip('pymavlink')
-    from test_ardupilot_log import batches, imu, raw, write as write_log
+    from test_ardupilot_log import imu, raw, write as write_log
 
-    return write_log(folder / 'a.bin', [
-        *imu(200), *raw('GYR', 1000, 200, 0.01), *batches(0, 1, 0.1)])
+    return write_log(folder / 'a.bin', [*imu(200), *raw('GYR', 1000, 200, 0.01)])
 
 
 CHECKED = {f'mcap {name}': by(bags.write_mcap, compression=name, chunk_size=20_000,
@@ -91,7 +90,7 @@ def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, count,
     opened = tmp_path if source == 'metadata' else path
     content, choice, read = path.read_bytes(), Random(seed), 0
     judges = [assert_recorded] if source in CHECKED else []
-    whole = 200 + 200 + 1024 if source == 'ardupilot' else 600
+    whole = 200 + 200 if source == 'ardupilot' else 600
     assert read_in_part(opened, assert_recorded) == whole
     for number in range(count):
         path.write_bytes(mutated_bytes(content, choice))

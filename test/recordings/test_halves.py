@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
-from dataclasses import replace
 
 from bags import mcap_written, serialized, START_NS
 from imu_allan import analyze
@@ -85,16 +84,6 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     result = analyze(path)
     assert_characterized(result, 200, 250)
     assert repeated(result) == [{'recording': str(path), 'topic': '/camera/imu', 'half': None}]
-
-
-def test_samples_that_an_orientation_filter_changed_are_reported(tmp_path):
-    sensor = block(400, 800, True, True)
-    behind = replace(sensor, samples=sensor.samples - np.repeat([1e-3, 0], 3))
-    path = write(tmp_path / 'a.mcap', {'/imu/data_raw': sensor, '/imu/data': behind})
-    assert streams(path, '/imu/data_raw') == ([Stream('/imu/data_raw')], [])
-    filtered, [remark] = streams(path, '/imu/data')
-    assert filtered == [Stream('/imu/data')]
-    assert (remark.code, remark.values['raw']) == ('filtered', '/imu/data_raw')
 
 
 def test_what_cannot_be_known_is_asked_for(tmp_path):

@@ -334,9 +334,9 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 # -------------------------------------------------------------------------------- names and units
 
-def meaning_of(name: str, unit: str | None = None) -> str | None:
+def meaning_of(name: str) -> str | None:
     """Return the meaning of a column with this name: ``'time'``, one of the axes, or None."""
-    return _choice(name, unit)[1]
+    return _choice(name, None)[1]
 
 
 def _choice(name: str, unit: str | None) -> tuple[int, str | None]:

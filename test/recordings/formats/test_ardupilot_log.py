@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """ArduPilot logs, which pymavlink writes, and reads along."""
 
-from array import array
 from struct import calcsize
 import sys
 
@@ -22,8 +21,6 @@ FORMATS = {
             'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz'),
     'GYR': (132, 'QBQfff', 'TimeUS,I,SampleUS,GyrX,GyrY,GyrZ'),
     'ACC': (133, 'QBQfff', 'TimeUS,I,SampleUS,AccX,AccY,AccZ'),
-    'ISBH': (134, 'QHBBHHQf', 'TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate'),
-    'ISBD': (135, 'QHHaaa', 'TimeUS,N,seqno,x,y,z'),
     'IMU2': (136, 'QffffffIIfBBHH', 'TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz')}
 
 
@@ -51,19 +48,6 @@ def raw(name, step_us, count, sigma):
     return [(name, (7 + n * step_us, 0, n * step_us + 5, *samples[n])) for n in range(count)]
 
 
-def batches(sensor, count, sigma):
-    """Return batches of 1024 samples at 1 kHz, one every 2 s, in units of 1 / 1000."""
-    found = []
-    noise = np.random.default_rng(sensor)
-    for batch in range(count):
-        start = (2 * batch + sensor) * 1_000_000
-        found.append(('ISBH', (start, 2 * batch + sensor, sensor, 0, 1000, 1024, start, 1000.0)))
-        samples = np.rint(noise.normal(0, sigma * 1000, (32, 3, 32))).astype(int)
-        found += [('ISBD', (start, 2 * batch + sensor, part, *(
-            array('h', axis) for axis in samples[part].tolist()))) for part in range(32)]
-    return found
-
-
 def test_every_bit_is_what_pymavlink_reads(tmp_path):
     path = write(tmp_path / 'a.bin', [
         *(m for pair in zip(imu(), imu(number=1), strict=True) for m in pair),
@@ -76,7 +60,7 @@ def test_every_bit_is_what_pymavlink_reads(tmp_path):
             lambda log=log, topic=topic: log.recv_match(type=topic), None) if number == m.I]
         log.close()
         messages, remarks = read(path, f'{topic}.1' if number else topic)
-        assert remarks == [said(path, 'filtered', by='autopilot')][:number]
+        assert remarks == [said(path, 'filtered')][:number]
         assert len(expected) == 300
         assert messages.header_ns.tolist() == [row[0] * 1000 for row in expected]
         assert messages.samples[:, :len(fields) - 1].tolist() == [row[1:] for row in expected]
@@ -102,23 +86,6 @@ def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_pat
     assert [result.axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')
             ] == pytest.approx([1000, 2000])
     assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
-
-
-def test_batches_are_unrolled_and_show_n_alone(tmp_path):
-    path = write(tmp_path / 'a.bin', batches(0, 20, 0.1) + batches(1, 20, 0.01))
-    messages, _ = read(path, 'ISBD_GYR')
-    assert len(messages) == 20 * 1024
-    assert np.unique(np.diff(messages.header_ns)).tolist() == [10**6, 2 * 10**9 - 1023 * 10**6]
-    assert messages.header_ns[0] == 10**9
-    result = analyze(path)
-    assert [remark for remark in result.warnings if remark.code == 'batches'] == [
-        said(path, 'batches', topic=topic) for topic in ('ISBD_GYR', 'ISBD_ACC')]
-    for name, axis in result.axes.items():
-        shown = {key for key, found in axis.coefficients.items() if found.observable}
-        assert shown == {'noise_density'}
-        sigma = 0.01 if name.startswith('gyro') else 0.1
-        assert axis.coefficients['noise_density'].value == pytest.approx(
-            sigma / np.sqrt(1000), rel=0.05)
 
 
 def test_a_thin_log_says_what_to_set(tmp_path, fails_with):
