@@ -16,22 +16,17 @@ from math import copysign, hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import distinct_labels
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import counted, duration, listed, ranged, SENSORS, spoken
-from imu_allan.writers import figure_style
+from imu_allan.wording import counted, listed, ranged, SENSORS, spoken
 from imu_allan.writers.curves import reported
-from imu_allan.writers.panels import draw_curve
 from imu_allan.writers.terminal import bare_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from rich.table import Table
-
-MARKERS = 'os^Dv*Ph'
 
 
 @dataclass(frozen=True)
@@ -160,37 +155,6 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 def shown(coefficient: Coefficient) -> str:
     """Return a coefficient, or its bound, in its engineering unit."""
     return (reported(coefficient) or ('not observable',))[0]
-
-
-def comparison_figure(results: Mapping[str, Result]) -> 'Figure':
-    """Draw the Allan deviation of every result, with one panel per axis."""
-    drawn = {axis: found for axis in AXES if (found := [
-        result.axes[axis] for result in results.values() if axis in result.axes])}
-    rows = max(1, len({axis.partition('_')[0] for axis in drawn}))
-    colours = [figure_style.SERIES[place % len(figure_style.SERIES)]
-               for place in range(len(results))]
-    dashes = tuple(figure_style.DASHES.values())
-    with figure_style.plot_style():
-        figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * rows)
-        head = 1.35 / figure.get_figheight()
-        grid = figure.add_gridspec(rows, 3, left=0.062, right=0.938,
-                                   bottom=0.55 / figure.get_figheight(), top=1 - head,
-                                   wspace=0.09, hspace=0.3)
-        heading = figure.add_axes((0.02, 1 - 0.75 / figure.get_figheight(), 0.96, 0.01))
-        heading.axis('off')
-        figure.text(0.02, 1 - 0.3 / figure.get_figheight(), 'Allan deviation compared',
-                    fontsize=13, fontweight='bold', va='center')
-        figure_style.write_in_a_row(heading, [
-            (f'{"●■▲◆▼★✚⬢"[place % len(MARKERS)]} {shorten(printable(name), 60)} '
-             f'({duration(result.timeline.duration_s)})', colours[place])
-            for place, (name, result) in enumerate(results.items())])
-        for axis, panel in figure_style.allan_panels(figure, grid, drawn):
-            for place, result in enumerate(results.values()):
-                if axis in result.axes:
-                    draw_curve(panel, result.axes[axis], colours[place],
-                               MARKERS[place % len(MARKERS)],
-                               dashes=dashes[place % len(dashes)])
-        return figure
 
 
 def _difference(a: Coefficient, b: Coefficient) -> tuple[float | None, float | None]:

@@ -1,13 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures of many units: the population in grey, and outliers in colour with their names.
+Figures of several units: few in colour, of many the population in grey and outliers in colour.
 
-They show the Allan deviations with the median and the band of nine in ten units, and the
-coefficients of all units side by side.
+They show the Allan deviations, and the coefficients of all units side by side.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.arrays import Array
@@ -17,15 +16,16 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
-from imu_allan.writers.comparison import MARKERS
 from imu_allan.writers.figure_style import (
     allan_panels,
     COLOURS,
+    DASHES,
     empty_figure,
     plot_style,
     SERIES,
 )
 from imu_allan.writers.fleet.findings import Fleet
+from imu_allan.writers.panels import draw_curve
 import numpy as np
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
+_MARKERS = 'os^Dv*P'
 _MOST_CURVES = 200
 """Most grey curves to draw; more are indistinguishable and enlarge a vector file."""
 _PALETTE = (*SERIES[1:], SERIES[0])
@@ -43,39 +44,43 @@ _WIDTH = 11.0
 """Width in inches, chosen so that text of 8 points is 11 pixels high on the page."""
 
 
-def curves_figure(fleet: Fleet) -> 'Figure':
-    """Draw the Allan deviations of a fleet, one panel per axis."""
-    colours = _odd_colours(fleet)
-    if len(fleet.population.units) <= len(_PALETTE):
-        others = [unit for unit in fleet.population.units if unit not in colours]
-        colours |= dict(zip(others, _PALETTE[len(colours):], strict=False))
+def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
+    """Draw the Allan deviations of a fleet or of results to compare, one panel per axis."""
+    few = len(fleet.results) <= len(SERIES)
+    colours = dict(zip(fleet.results, SERIES, strict=False)) if few else _odd_colours(fleet)
     sensors = _sensors(fleet)
     with plot_style():
         figure = empty_figure(_WIDTH, 0.9 + 3.7 * max(1, len(sensors)))
         grid = figure.add_gridspec(
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
             bottom=0.55 / figure.get_figheight(), top=1 - 1.15 / figure.get_figheight())
-        _heading(figure, f'Allan deviation of {len(fleet.results)} units', 'median',
-                 'in colour: outliers' if len(fleet.population.units) > len(_PALETTE) else
-                 'each unit in its colour')
+        _heading(figure, title or f'Allan deviation of {len(fleet.results)} units',
+                 'points: measured · line: fitted · band: 95 % interval' if few else
+                 'line: median · band: nine in ten units · in colour: outliers')
         drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
         named: dict[str, Line2D] = {}
         for name, panel in allan_panels(figure, grid, drawn):
-            named |= _draw_curves(
-                panel, _axes(fleet, name), colours, fleet.population.outlier_units)
+            axes = _axes(fleet, name)
+            if not few:
+                _draw_population(panel, [axis for unit, axis in axes.items()
+                                         if unit not in fleet.population.outlier_units])
+            for place, (unit, colour) in enumerate(colours.items()):
+                look = _MARKERS[place], [*DASHES.values()][place % len(DASHES)]
+                if unit in axes:
+                    draw_curve(panel, axes[unit], colour, look[0], dashes=look[1])
+                    [named[unit]] = panel.plot([], [], color=colour, marker=look[0],
+                                               linestyle=look[1], markersize=4.4)
         # A legend, as names beside the curves would overlap.
         figure.legend([*named.values()], distinct_labels([*named], 18),
                       loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / figure.get_figheight()),
-                      ncol=len(_PALETTE), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
+                      ncol=len(SERIES), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
                       handletextpad=0.5, columnspacing=1.4)
         return figure
 
 
-def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
-                 odd: Collection[str]) -> dict[str, 'Line2D']:
-    """Draw the curves of an axis; return the coloured ones by unit."""
-    usual = [axis.curve for unit, axis in axes.items()
-             if unit not in odd and any(axis.curve.adev)]
+def _draw_population(panel: 'Axes', axes: Sequence[AxisResult]) -> None:
+    """Draw the curves of an axis in grey, their median, and the band of nine in ten."""
+    usual = [axis.curve for axis in axes if any(axis.curve.adev)]
     step = max(1, len(usual) // _MOST_CURVES)
     for curve in usual[::step]:
         panel.plot(curve.tau_s, curve.adev, color=COLOURS['gap'], linewidth=0.6, alpha=0.45,
@@ -88,14 +93,6 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.fill_between(tau, low, high, color=COLOURS['z'], alpha=0.18, linewidth=0,
                            zorder=3)
         panel.plot(tau, middle, color=COLOURS['ink'], linewidth=1.4, zorder=4)
-    named = {}
-    for place, (unit, colour) in enumerate(colours.items()):
-        if unit in axes and any(axes[unit].curve.adev):
-            curve = axes[unit].curve
-            [named[unit]] = panel.plot(
-                curve.tau_s, curve.adev, color=colour, linewidth=1.4,
-                marker=MARKERS[place % len(MARKERS)], markersize=3.6, zorder=5)
-    return named
 
 
 def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array) -> tuple[Array, Array, Array]:
@@ -118,7 +115,7 @@ def units_figure(fleet: Fleet) -> 'Figure':
         grid = figure.add_gridspec(
             max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.62,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, 'Coefficients of every unit', 'centre',
+        _heading(figure, 'Coefficients of every unit', 'line: centre · band: nine in ten units · '
                  'in colour: outliers · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
@@ -184,11 +181,10 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                        fontsize=8, color=COLOURS['ink'])
 
 
-def _heading(figure: 'Figure', title: str, line: str, more: str) -> None:
+def _heading(figure: 'Figure', title: str, key: str) -> None:
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
-    figure.text(0.02, 1 - 0.5 / height, f'line: {line} · band: nine in ten units · {more}',
-                fontsize=8.5, va='center', color=COLOURS['soft'])
+    figure.text(0.02, 1 - 0.5 / height, key, fontsize=8.5, va='center', color=COLOURS['soft'])
 
 
 def _odd_colours(fleet: Fleet) -> dict[str, str]:
