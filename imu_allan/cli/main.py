@@ -48,9 +48,6 @@ class _Parser(argparse.ArgumentParser):
     """
     Parser whose help begins with the most common options, and whose errors take two lines.
 
-    For an unknown word the nearest choice is suggested, through private names of argparse, which
-    has suggestions of its own only from Python 3.14 on.
-
     Parameters
     ----------
     short : str, optional
@@ -97,14 +94,6 @@ class _Parser(argparse.ArgumentParser):
                  else str(action.metavar) if action.required else f'[{action.metavar}]'
                  for action in sorted(required, key=lambda action: bool(action.option_strings))]
         return f'usage: {" ".join([self.prog, *words])} [options]\n'
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        try:
-            super()._check_value(action, value)
-        except argparse.ArgumentError as error:
-            error.message += _suggestion(
-                str(value), [str(choice) for choice in action.choices or ()])
-            raise
 
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:

@@ -143,7 +143,6 @@ def population(results: Mapping[str, Result]) -> Population:
     one_model = all(count == 1 for files, count in Counter(
         files for files, _ in topics).items() if files)
     found = [outlier for outlier in _faults(results) if one_model or outlier.fault != 'missing']
-    found += _mounted_otherwise(results) if one_model else ()
     quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
                   if one_model and (key != MEAN or axis.startswith('gyro'))]
     samples = {quantity: _sample(results, *quantity) for quantity in quantities}
@@ -186,23 +185,6 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
                 yield Outlier(name, axis, None, fault)
             elif not shows_anything(result):
                 yield Outlier(name, axis, None, 'without a coefficient')
-
-
-def _mounted_otherwise(results: Mapping[str, Result]) -> Iterator[Outlier]:
-    """Find units in which gravity is not where it is in most."""
-    axes = [axis for axis in AXES if axis.startswith('accel')]
-    means = {name: np.array([result.axes[axis].mean or 0.0 for axis in axes])
-             for name, result in results.items() if {*axes} <= result.axes.keys()}
-    usual = np.median([*means.values()], axis=0) if len(means) >= FEWEST_UNITS else np.zeros(3)
-    # If the units lie in no common way, the medians are no vector of gravity.
-    if np.linalg.norm(usual) < 5.0:
-        return
-    for name, mean in means.items():
-        # A table may be tilted.
-        if np.linalg.norm(mean) > 5.0 and mean @ usual < 0.7 * sqrt(mean @ mean * (usual @ usual)):
-            largest, expected = (int(np.argmax(np.abs(each))) for each in (mean, usual))
-            yield Outlier(name, axes[largest], None, 'upside down' if largest == expected else
-                          f'along gravity, unlike in the others ({axes[expected]})')
 
 
 def shows_anything(result: Result) -> bool:

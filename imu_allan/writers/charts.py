@@ -315,47 +315,6 @@ def _shade(panel: Panel, timeline: Timeline, scale: float, axes: Mapping[str, Ax
         panel.parts.append(panel.vertical(segment.start_s / scale, 'segment', 'next segment'))
 
 
-def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
-    """Draw the noise density of every segment with its interval; None without segments."""
-    known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
-        segment.noise_density for segment in axis.stationarity.segments)}
-    if not known:
-        return None
-    unit = next(iter(known.values())).coefficients['noise_density'].unit
-    factor, shown = engineering(1.0, unit)
-    segments = {name: axis.stationarity.segments for name, axis in known.items()
-                if axis.stationarity is not None}
-    rows = {name: [(s.start_s + s.duration_s / 2, *(
-        factor * value for value in (s.noise_density, *s.ci95)))
-        for s in own if s.noise_density is not None and s.ci95 is not None]
-        for name, own in segments.items()}
-    length = max(s.start_s + s.duration_s for own in segments.values() for s in own)
-    scale, units = curves.time_unit(length)
-    ends = length / scale
-    values = [v for points in rows.values() for point in points for v in point[1:]]
-
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = drawing.panel(box_of(drawing, narrow), (0, ends, False),
-                              padded(min(values), max(values)))
-        panel.frame(f'time [{units}]', f'N of each segment [{typeset(shown)}]',
-                    None if narrow else (1 / factor, f'[{typeset(unit)}]'), most_y=6)
-        inside = []
-        for place, (name, points) in enumerate(rows.items()):
-            apart = (place - 1) * ends * 0.008
-            parts = [panel.line([at / scale + apart] * 2, [low, high], 'whisker')
-                     for at, _, low, high in points]
-            parts.append(panel.points(
-                [p[0] / scale + apart for p in points], [p[1] for p in points], shape_of(name[-1]),
-                [f'{name[-1]} axis, segment {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
-                 for number_, p in enumerate(points, 1)]))
-            inside.append(_of(name, parts))
-        drawing.add(panel, inside)
-
-    return sensor_chart(sensor, 'segments', 'by segment', 'noise density of each segment',
-                        'The noise density of equal segments of the recording, each by itself, '
-                        'with its 95 % interval.', (260, 260), draw, known)
-
-
 def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
     """Draw spectrum, model and excluded lines; None if there is neither of the first two."""
     known = {name: axis for name, axis in axes.items()

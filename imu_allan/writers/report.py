@@ -37,8 +37,7 @@ def report_html(result: Result) -> str:
     # Group the charts by kind, each for both sensors.
     drawn = [*(charts.signal_chart(result, sensor, axes) for sensor, axes, _ in own),
              *(charts.density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
-             *(charts.drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own),
-             *(charts.segment_chart(sensor, axes) for sensor, axes, _ in own)]
+             *(charts.drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own)]
     allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes, _ in own]
     remarks = [{'title': title_of(one), 'severity': one.severity,
                 'text': _typeset(message_of(one))} for one in for_display(result.warnings)]

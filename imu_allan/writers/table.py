@@ -168,7 +168,7 @@ def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
 
 def _tables(found: Sequence[answer.KeyFigures], rows: Sequence[Sequence[_Row]], width: int, *,
             tuned: bool, named: bool) -> 'list[list[Text]]':
-    """Arrange the axes side by side in the widest layout that fits, or else stacked."""
+    """Arrange the axes side by side in the widest layout that fits, or else the last."""
     for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
                    _Layout(named=True, tall=True)):
         if named and not layout.named:
@@ -176,8 +176,8 @@ def _tables(found: Sequence[answer.KeyFigures], rows: Sequence[Sequence[_Row]], 
         tables = [_columns(figures, own, layout) if own else []
                   for figures, own in zip(found, rows, strict=True)]
         if all(len(line) <= width for table in tables for line in table):
-            return tables
-    return [_stacked(figures.title, own, width) for figures, own in zip(found, rows, strict=True)]
+            break
+    return tables
 
 
 @dataclass(frozen=True)
@@ -227,19 +227,6 @@ def _columns(figures: answer.KeyFigures, rows: Sequence[_Row], layout: _Layout) 
 
 def _height(cells: 'Iterable[Text]') -> int:
     return max(cell.plain.count('\n') + 1 for cell in cells)
-
-
-def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
-    """Arrange the axes below each other, for a narrow terminal."""
-    from rich.text import Text
-
-    lines = list(wrapped([title] if rows else [], width, 'bold'))
-    for row in rows:
-        lines.append(Text(' '.join(filter(None, (row.symbol, row.name, '', row.unit))),
-                          'dim' if row.dim else ''))
-        lines += [Text(f'  {name[-1]}  ').append_text(cell.text(tall=False))
-                  for name, cell in row.cells.items()]
-    return lines
 
 
 def _notes(result: Result) -> list[str]:

@@ -21,7 +21,7 @@ from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
-from imu_allan.writers.curves import axes_of, of_sensor
+from imu_allan.writers.curves import of_sensor
 from imu_allan.writers.included import trend_notes, why_left_out
 from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.words import for_display, sentence_of
@@ -129,10 +129,12 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
 
 
 def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]:
-    """Return the notes below the tables: omitted axes, forecast, trends, and steadiness."""
-    said = [*_left_out(result), *_forecast(result, calibration_s), *(
-        f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
-        for sentence in trend_notes(result.axes)), *_steadiness(result, coast_s)]
+    """Return the notes below the tables: omitted axes, trends, and steadiness."""
+    said = _left_out(result)
+    if known_less_than(result.axes, max(FORECAST_S[-1], calibration_s)) is not None:
+        said.append('Numbers in brackets are beyond what this recording knows, and widened.')
+    said += [*(f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
+               for sentence in trend_notes(result.axes)), *_steadiness(result, coast_s)]
     for time_s, what in ((coast_s, 'unaided'),
                          (calibration_s, 'of averaging the bias')):
         if (known := known_less_than(result.axes, time_s)) is not None:
@@ -186,34 +188,6 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
 
 def _is_known(forecast: DriftForecast, horizon: float) -> bool:
     return max(horizon, forecast.calibration_s) <= forecast.known_to_s * (1 + 1e-6)
-
-
-def _forecast(result: Result, calibration_s: float) -> list[str]:
-    """Describe how far the worst axis of each sensor drifts within a minute."""
-    said = []
-    for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),
-                                       ('accel', 'position', 1.0, ' m')):
-        forecasts = {name: predicted_drift(axis, (60.0,), calibration_s)
-                     for name, axis in axes_of(result, sensor).items()
-                     if axis.drift_model is not None}
-        known = [((forecast.position or forecast.integral)[0],
-                  *(forecast.position_ci95 or forecast.integral_ci95)[0], name)
-                 for name, forecast in forecasts.items() if _is_known(forecast, 60.0)]
-        if known:
-            value, low, high, name = max(known, key=lambda one: one[0])
-            which = '' if len(known) == len(forecasts) else ' that is known'
-            said.append(f'After one unaided minute the error of {what} is about '
-                        f'{number(value * factor, 2)}{unit} rms ({number(low * factor, 2)} to '
-                        f'{number(high * factor, 2)}{unit}; {name}, the worst axis{which}).')
-        elif forecasts:
-            said.append('This recording is too short to predict the error of '
-                        f'{what} after one unaided minute (bias averaged over '
-                        f'{duration(calibration_s)} before).')
-    if any(axis.drift_model is not None
-           and axis.drift_model.to_s < max(FORECAST_S[-1], calibration_s)
-           for axis in result.axes.values()):
-        said.append('Numbers in brackets are beyond what this recording knows, and widened.')
-    return said
 
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]

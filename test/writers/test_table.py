@@ -17,7 +17,7 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
 
 
 @pytest.mark.parametrize(('name', 'width', 'options'), [
-    ('40', 40, {}), ('60', 60, {}), ('80', 80, {}), ('140', 140, {}),
+    ('60', 60, {}), ('80', 80, {}), ('140', 140, {}),
     # Each value above its interval, terms that no axis shows with their bounds, and the mean.
     ('80_verbose', 80, {'verbose': True}), ('140_si', 140, {'units': 'si', 'verbose': True})])
 def test_a_result_looks_on_the_terminal_as_it_did(result, name, width, options):
