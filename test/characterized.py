@@ -71,17 +71,20 @@ def joint_fits(records, dt, thermometers=None):
     return [joint_fit(fits, dt) if fits else None]
 
 
+def results_of(estimator, rate_hz, fits=None):
+    """Return for each axis of an estimator, as of a gyroscope, result and values of warnings."""
+    quantities = [Quantity.ANGULAR_VELOCITY] * estimator.axes
+    return [(axis, {remark.code: remark.values for remark in remarks})
+            for axis, remarks in axis_results(estimator.finished(), rate_hz, quantities, fits)]
+
+
 def one_axis(estimator, rate_hz, fits=None):
-    """Return the result of the only axis of an estimator, and the values of its warnings."""
-    [(axis, remarks)] = axis_results(
-        estimator.finished(), rate_hz, [Quantity.ANGULAR_VELOCITY], fits)
-    return axis, {remark.code: remark.values for remark in remarks}
+    [found] = results_of(estimator, rate_hz, fits)
+    return found
 
 
 def axes_of(estimator, rate_hz):
-    """Return the results of all axes of an estimator, as those of gyroscopes."""
-    return [axis for axis, _ in axis_results(
-        estimator.finished(), rate_hz, [Quantity.ANGULAR_VELOCITY] * estimator.axes)]
+    return [axis for axis, _ in results_of(estimator, rate_hz)]
 
 
 def several(records, rate_hz):

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
+from dataclasses import replace
 
-from bags import mcap_written, serialized, START_NS
-from imu_allan import analyze
-from imu_allan.block import ImuBlock
-from imu_allan.finding import finding
-from imu_allan.recordings import open_recording, RecordingOptions
-from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.timeline import TimelineOptions
+from bags import mcap_written, serialized
+from characterized import messages, said
+from imu_allan import analyze, TimelineOptions
+from imu_allan.recordings import RecordingOptions
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -19,17 +17,15 @@ NOISE = np.random.default_rng(5)
 
 def block(rate_hz, count, gyro, accel):
     """Return white noise of the halves that are there; the other is exactly zero."""
-    stamps = START_NS + np.rint(np.arange(count) / rate_hz * 1e9).astype(np.int64)
     there = np.repeat([gyro, accel], 3)
-    samples = there * (NOISE.normal(size=(count, 6)) * np.repeat([0.01, 0.1], 3)
-                       + [0, 0, 0, 0, 0, 9.8])
-    return ImuBlock(stamps, stamps + 1000, samples, np.zeros((count, 2), np.bool_), 'imu')
+    return messages(there * (NOISE.normal(size=(count, 6)) * np.repeat([0.01, 0.1], 3)
+                             + [0, 0, 0, 0, 0, 9.8]), rate_hz)
 
 
 def write(path, topics):
     with mcap_written(path) as message:
-        for topic, messages in topics.items():
-            for stamp, row in serialized(messages):
+        for topic, given in topics.items():
+            for stamp, row in serialized(given):
                 message(topic, stamp, row)
     return path
 
@@ -44,12 +40,14 @@ def assert_characterized(result, gyro_hz, accel_hz):
 
 
 def repeated(result):
-    return [found.values for found in result.warnings if found.code == 'repeated_half']
+    return [found.values for found in said(result, 'repeated_half')]
 
 
-def streams(path, topic=None, **options):
-    with open_recording(path, options=RecordingOptions(**options)) as recording:
-        return choose_streams(recording, topic), recording.remarks
+def read(path, topic=None, **options):
+    """Give what is read, and what is reported of how the recording was made."""
+    result = analyze(path, topic, reading=RecordingOptions(**options))
+    return result.source.topic, [found for found in result.warnings if found.code in (
+        'interpolated', 'repeated_half')]
 
 
 def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path, output_of):
@@ -58,7 +56,7 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
     result = analyze(path)
     assert_characterized(result, 400, 250)
     assert result.source.topic == '/gyro, /accel'
-    [remark] = [remark for remark in result.warnings if remark.code == 'two_rates']
+    [remark] = said(result, 'two_rates')
     assert remark.values == {'sensors': ['gyro', 'accel'], 'topics': ['/gyro', '/accel'],
                              'rates_hz': pytest.approx([400, 250], rel=1e-3)}
     shown = output_of('info', path, '--rate', '401')
@@ -78,8 +76,7 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     for sensor, half, columns in ((0, gyro, slice(0, 3)), (1, accel, slice(3, 6))):
         latest = np.maximum(np.cumsum(sources == sensor) - 1, 0)
         samples[:, columns] = half.samples[latest, columns]
-    united = ImuBlock(stamps[order], stamps[order] + 1000, samples,
-                      np.zeros((len(order), 2), np.bool_), 'imu')
+    united = replace(messages(samples, 1.0), header_ns=stamps[order], receive_ns=stamps[order])
     path = write(tmp_path / 'a.mcap', {'/camera/imu': united})
     result = analyze(path)
     assert_characterized(result, 200, 250)
@@ -92,15 +89,14 @@ def test_what_cannot_be_known_is_asked_for(tmp_path):
         '/c': block(400, 200, True, True)})
     with refused(f'{path}: 3 Imu topics; choose one with --topic: /a (200 messages), /b (200 '
                  'messages), /c (200 messages)'):
-        streams(path)
-    assert streams(path, '/c')[0] == [Stream('/c')]
-    assert streams(path, gyro_topic='/b', accel_topic='/c')[0] == [
-        Stream('/b', 'gyro'), Stream('/c', 'accel')]
+        read(path)
+    assert read(path, '/c')[0] == '/c'
+    assert read(path, gyro_topic='/b', accel_topic='/c')[0] == '/b, /c'
     with refused('--gyro-topic needs --accel-topic, too: an IMU on two topics has both'):
-        streams(path, gyro_topic='/b')
+        read(path, gyro_topic='/b')
     with refused('--topic names one topic, --gyro-topic and --accel-topic two; give the one or '
                  'the two'):
-        streams(path, '/c', gyro_topic='/b', accel_topic='/c')
+        read(path, '/c', gyro_topic='/b', accel_topic='/c')
 
 
 def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path):
@@ -109,7 +105,6 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path):
     held = np.searchsorted(slow.header_ns, both.header_ns, 'right') - 1
     both.samples[:, 3:] = slow.samples[held, 3:]
     path = write(tmp_path / 'a.mcap', {'/imu': both})
-    assert streams(path)[0] == [Stream('/imu', 'gyro'), Stream('/imu', 'accel', only_new=True)]
     result = analyze(path)
     assert repeated(result) == [{'recording': str(path), 'topic': '/imu', 'half': 'accel'}]
     assert_characterized(result, 400, 200)
@@ -128,31 +123,31 @@ def test_a_half_that_is_interpolated_is_reported(tmp_path, rate_hz, phase):
         both.samples[:, column] = np.interp(
             both.header_ns, slow.header_ns, slow.samples[:, column])
     path = write(tmp_path / 'a.mcap', {'/imu': both})
-    assert streams(path) == ([Stream('/imu')], [
-        finding('interpolated', recording=str(path), topic='/imu', half='accel')])
+    topic, [remark] = read(path)
+    assert (topic, remark.code) == ('/imu', 'interpolated')
+    assert remark.values == {'recording': str(path), 'topic': '/imu', 'half': 'accel'}
 
 
 @pytest.mark.parametrize('wander', [0, 0.03])
 def test_coarse_and_vibrating_samples_are_neither_copied_nor_interpolated(tmp_path, wander):
-    messages = block(400, 5_000, True, True)
-    messages.samples[:, :3] = np.round(messages.samples[:, :3] / 0.02) * 0.02
+    coarse = block(400, 5_000, True, True)
+    coarse.samples[:, :3] = np.round(coarse.samples[:, :3] / 0.02) * 0.02
     phase = np.pi / 2 * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
-    messages.samples[:, 3:] += 2 * np.sin(phase)[:, np.newaxis]
-    path = write(tmp_path / 'a.mcap', {'/imu': messages})
-    assert streams(path) == ([Stream('/imu')], [])
+    coarse.samples[:, 3:] += 2 * np.sin(phase)[:, np.newaxis]
+    assert read(write(tmp_path / 'a.mcap', {'/imu': coarse})) == ('/imu', [])
 
 
 def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
-    messages = block(100, 3_000, True, True)
-    messages.samples[:, 3:] /= 9.80665
-    path = write(tmp_path / 'a.mcap', {'/imu': messages})
+    in_g = block(100, 3_000, True, True)
+    in_g.samples[:, 3:] /= 9.80665
+    path = write(tmp_path / 'a.mcap', {'/imu': in_g})
     result = analyze(path)
     assert result.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
-    assert 'unit_g' in {remark.code for remark in result.warnings}
-    said = analyze(path, reading=RecordingOptions(accel_unit='g', gyro_unit='deg/s'))
-    assert 'unit_g' not in {remark.code for remark in said.warnings}
-    assert said.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
-    assert said.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
+    assert said(result, 'unit_g')
+    stated = analyze(path, reading=RecordingOptions(accel_unit='g', gyro_unit='deg/s'))
+    assert not said(stated, 'unit_g')
+    assert stated.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
+    assert stated.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
         result.axes['gyro_x'].coefficients['noise_density'].value * np.pi / 180, rel=1e-6)
     plain = analyze(path, reading=RecordingOptions(accel_unit='m/s^2'))
     assert plain.axes['accel_z'].mean == pytest.approx(0.9993, abs=0.01)

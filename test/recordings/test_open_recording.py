@@ -20,6 +20,7 @@ import pytest
 from whole_lines import refused
 import zstandard
 
+BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
 BARE = encode_imu(1, np.zeros(6), 'imu')
 NOISE = replace(block(600), samples=np.random.default_rng(1).normal(0, 0.01, (600, 6)))
 
@@ -116,6 +117,28 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
                   tmp_path / 'run_100.bag', Path('a\0b')):
         assert recordings_in(alone) == [alone]
+
+
+@pytest.mark.parametrize(('names', 'found'), [
+    (['imu'], ['imu']), (['run_10', 'run_9'], ['run_9', 'run_10']),
+    (map(str, range(70)), map(str, range(70)))], ids=['one', 'two', 'more than are looked into'])
+def test_tables_with_both_sensors_are_recordings(tmp_path, names, found):
+    (tmp_path / '0gps.csv').write_text('time,latitude\n1,2\n')
+    for name in names:
+        (tmp_path / f'{name}.csv').write_text(BOTH)
+    assert recordings_in(tmp_path) == [tmp_path / f'{name}.csv' for name in found]
+
+
+def test_the_only_table_with_both_sensors_is_the_recording_of_its_folder(tmp_path):
+    (tmp_path / 'data.csv').write_text(BOTH)
+    with open_recording(tmp_path) as recording:
+        assert recording.path == tmp_path / 'data.csv'
+    (tmp_path / 'other.csv').write_text(BOTH)
+    with refused(f'{tmp_path}: holds 2 recordings, such as data.csv; name one'):
+        open_recording(tmp_path)
+    # A folder with a result is that result, which check reads.
+    (tmp_path / 'result.json').touch()
+    assert recordings_in(tmp_path) == [tmp_path]
 
 
 @pytest.mark.parametrize(('names', 'together'), [

@@ -3,13 +3,12 @@
 """The temperature beside an IMU, from every kind of recording that has one."""
 
 
-from bags import mcap_written, serialized, START_NS
-from characterized import celsius_at
-from imu_allan import analyze
-from imu_allan.block import ImuBlock
-from imu_allan.noise.simulate import simulate
-from imu_allan.recordings import open_recording, RecordingOptions
-from imu_allan.recordings.thermometers import temperatures, thermometer_of
+import re
+
+from bags import mcap_written, serialized
+from characterized import celsius_at, messages
+from imu_allan import analyze, simulate
+from imu_allan.recordings import RecordingOptions
 import numpy as np
 from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
@@ -36,10 +35,8 @@ def samples():
 def write(path, samples, thermometers, imu='/imu/data_raw', headers=True):
     """Write an Imu topic, and one for each thermometer, with its frame_id; every 2 s."""
     definition = full_definition(STORE, TEMPERATURE)
-    stamps = START_NS + np.rint(SECONDS[:len(samples)] * 1e9).astype(np.int64)
-    messages = ImuBlock(stamps, stamps, samples, np.zeros((len(samples), 2), np.bool_), 'imu_link')
     with mcap_written(path) as message:
-        for number, (stamp, row) in enumerate(serialized(messages)):
+        for number, (stamp, row) in enumerate(serialized(messages(samples, RATE_HZ))):
             message(imu, stamp, row)
             for name, frame_id in thermometers.items() if number % 20 == 0 else ():
                 heat = STORE.types[TEMPERATURE](
@@ -69,25 +66,27 @@ def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, output_of, he
     assert '  temperature from /imu/temperature' in output_of('info', path).splitlines()
 
 
-def chosen(path, **options):
-    with open_recording(path, options=RecordingOptions(**options)) as recording:
-        found = thermometer_of(recording, recording.topics[0].name)
-        return None if found is None else found.name
+@pytest.fixture
+def chosen(output_of):
+    def thermometer(path, *options):
+        return re.findall('^  temperature from (.*)$', output_of('info', path, *options),
+                          re.MULTILINE)
+    return thermometer
 
 
-def test_the_frame_id_decides_where_the_namespace_does_not(tmp_path, samples):
+def test_the_frame_id_decides_where_the_namespace_does_not(tmp_path, samples, chosen):
     few = samples[:100]
     path = write(tmp_path / 'a.mcap', few, {'/temp': 'imu_link', '/motor': 'motor'}, '/imu')
-    assert chosen(path) == '/temp'
-    assert chosen(path, temperature='motor') == '/motor'
+    assert chosen(path) == ['/temp']
+    assert chosen(path, '--temperature', 'motor') == ['/motor']
     path = write(tmp_path / 'b.mcap', few, {'/temp': '', '/motor': 'motor'}, '/imu')
-    assert chosen(path) is None
+    assert chosen(path) == []
     path = write(tmp_path / 'c.mcap', few, {'/imu/a': 'x', '/imu/b': 'imu_link'})
-    assert chosen(path) == '/imu/b'
+    assert chosen(path) == ['/imu/b']
     with refused(
             f'{path}: --temperature /imu/c: no topic of type sensor_msgs/Temperature, field or '
             'column of this name; there are /imu/a, /imu/b'):
-        chosen(path, temperature='/imu/c')
+        analyze(path, reading=RecordingOptions(temperature='/imu/c'))
 
 
 def test_a_column_is_taken(tmp_path, samples):
@@ -114,9 +113,9 @@ def test_a_column_that_is_no_temperature_is_reported(tmp_path):
         analyze(path, reading=RecordingOptions(temperature='temp'))
 
 
-@pytest.mark.parametrize(('options', 'name'), [
-    ({}, '/sensor:temperature'), ({'temperature': 'board.heat'}, '/sensor:board.heat')])
-def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(tmp_path, options, name):
+@pytest.mark.parametrize(('given', 'name'), [
+    (None, '/sensor:temperature'), ('board.heat', '/sensor:board.heat')])
+def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(tmp_path, chosen, given, name):
     type_name = 'my_driver/msg/Any'
     text = ('std_msgs/Header header\ngeometry_msgs/Vector3 angular_velocity\n'
             'geometry_msgs/Vector3 linear_acceleration\nfloat32 temperature\nBoard board\n')
@@ -132,9 +131,8 @@ def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(tmp_path, options
 
     path = recorded(tmp_path, type_name, {
         'my_driver/msg/Board': 'float64 heat\n', type_name: text}, message, 50)
-    assert chosen(path, **options) == name
-    with open_recording(path, options=RecordingOptions(**options)) as recording:
-        [(stamps, celsius)] = temperatures(recording, '/sensor', 'header')
-        [(block, _)] = recording.decoded('/sensor')
-    assert stamps.tolist() == block.header_ns.tolist()
-    np.testing.assert_allclose(celsius, kelvin - 273.15, atol=1e-4)
+    assert chosen(path, *['--temperature', given][:2 * bool(given)]) == [name]
+    found = analyze(path, reading=RecordingOptions(temperature=given)).temperature
+    assert min(found.low) == pytest.approx(26.85, abs=1e-4)
+    # Neighbours are averaged.
+    np.testing.assert_allclose(found.mean, 26.85 + np.arange(50), atol=4)

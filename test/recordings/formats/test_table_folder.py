@@ -4,11 +4,10 @@
 
 
 from bags import no_axes, NO_TIME
-from imu_allan import analyze
+from characterized import AXES
+from imu_allan import analyze, TimelineOptions
 from imu_allan.cli.main import main
-from imu_allan.noise.terms import AXES
-from imu_allan.recordings import open_recording, RecordingOptions, recordings_in
-from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings import open_recording, RecordingOptions
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -16,7 +15,6 @@ from whole_lines import refused
 RNG = np.random.default_rng(4)
 START_NS = 1_700_000_000_000_000_000
 WITHOUT_AXES = 'time,seconds_elapsed,z,y,x\n1,2,3,4,5\n'
-BOTH = 'time,gyro_x,accel_x\n1,2,3\n'
 
 
 def write(folder, name, rate_hz, sigma, up=0.0, header='time,seconds_elapsed,z,y,x'):
@@ -47,13 +45,11 @@ def test_the_files_of_both_sensors_are_one_imu_and_others_can_be_chosen(tmp_path
         ['Accelerometer.csv', 'GyroscopeUncalibrated.csv'])
     options = RecordingOptions(gyro_topic='GyroscopeUncalibrated.csv',
                                accel_topic='Accelerometer.csv')
-    with open_recording(tmp_path, options=options) as recording:
-        assert choose_streams(recording) == [
-            Stream('GyroscopeUncalibrated.csv', 'gyro'), Stream('Accelerometer.csv', 'accel')]
-        blocks = [block for block, _ in recording.decoded('GyroscopeUncalibrated.csv')]
-    assert sum(map(len, blocks)) == 2000
-    assert np.concatenate([block.samples for block in blocks])[:, 0].std() == pytest.approx(
-        5e-3, rel=0.1)
+    others = analyze(tmp_path, reading=options)
+    assert others.source.topic == 'GyroscopeUncalibrated.csv, Accelerometer.csv'
+    assert others.timeline.samples == 2000
+    assert others.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
+        5e-3 / 200 ** 0.5, rel=0.1)
 
 
 @pytest.mark.parametrize(('names', 'headers', 'columns'), [
@@ -90,28 +86,6 @@ def test_it_is_reported_what_the_tables_of_a_folder_lack(tmp_path, texts, said):
         open_recording(tmp_path)
 
 
-@pytest.mark.parametrize(('names', 'found'), [
-    (['imu'], ['imu']), (['run_10', 'run_9'], ['run_9', 'run_10']),
-    (map(str, range(70)), map(str, range(70)))], ids=['one', 'two', 'more than are looked into'])
-def test_files_with_both_sensors_are_recordings(tmp_path, names, found):
-    (tmp_path / '0gps.csv').write_text('time,latitude\n1,2\n')
-    for name in names:
-        (tmp_path / f'{name}.csv').write_text(BOTH)
-    assert recordings_in(tmp_path) == [tmp_path / f'{name}.csv' for name in found]
-
-
-def test_the_only_file_with_both_sensors_is_the_recording_of_its_folder(tmp_path):
-    (tmp_path / 'data.csv').write_text(BOTH)
-    with open_recording(tmp_path) as recording:
-        assert recording.path == tmp_path / 'data.csv'
-    (tmp_path / 'other.csv').write_text(BOTH)
-    with refused(f'{tmp_path}: holds 2 recordings, such as data.csv; name one'):
-        open_recording(tmp_path)
-    # A folder with a result is that result, which check reads.
-    (tmp_path / 'result.json').touch()
-    assert recordings_in(tmp_path) == [tmp_path]
-
-
 def test_a_file_whose_columns_are_unknown_is_a_recording_that_fails(tmp_path, capsys):
     (tmp_path / 'a.csv').write_text('1,2,3,4,5,6\n')
     write(tmp_path, 'b', 100, 1e-3, header='time,s,gyro_x,accel_x,accel_y')
@@ -125,9 +99,9 @@ def test_tables_without_times_are_counted_at_the_rate(tmp_path):
     rows = '\n'.join(['0,1,2', '1,1,3'] * 200)
     for sensor in ('gyro', 'accel'):
         (tmp_path / f'{sensor}.csv').write_text(f'{sensor}_x,{sensor}_y,{sensor}_z\n{rows}\n')
-    with open_recording(tmp_path, rate_hz=200) as recording:
-        assert choose_streams(recording) == [
-            Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
+    result = analyze(tmp_path, options=TimelineOptions(rate_hz=200.0))
+    assert result.source.topic == 'gyro.csv, accel.csv'
+    assert result.timeline.duration_s == pytest.approx(2.0)
 
 
 def test_tables_of_two_recordings_are_no_imu(tmp_path, output_of):
@@ -141,6 +115,7 @@ def test_tables_of_two_recordings_are_no_imu(tmp_path, output_of):
     with refused(f'{tmp_path}: {reason}'):
         analyze(tmp_path)
     assert f'not one IMU: {reason}' in output_of('info', tmp_path).splitlines()
-    options = RecordingOptions(gyro_topic='run1_gyro.csv', accel_topic='run2_accel.csv')
-    with open_recording(tmp_path, options=options) as recording:
-        assert [stream.half for stream in choose_streams(recording)] == ['gyro', 'accel']
+    shown = output_of('info', tmp_path, '--gyro-topic', 'run1_gyro.csv', '--accel-topic',
+                      'run2_accel.csv')
+    assert ('one IMU in two halves: the gyroscope from run1_gyro.csv, the accelerometer from '
+            'run2_accel.csv') in shown.splitlines()
