@@ -180,8 +180,10 @@ class _Source:
     def differs_from(self, other: '_Source') -> bool:
         """Return whether the log likelihood of a model may differ by a tenth of a nat."""
         own, before = self.capped, other.capped
+        # Samples that repeat exactly have powers of zero.
         return len(own.dof) != len(before.dof) or bool(0.5 * np.abs(
-            own.dof * own.power - before.dof * before.power) @ (1 / before.power) > 0.1)
+            own.dof * own.power - before.dof * before.power) @ (
+                1 / np.maximum(before.power, 1e-200)) > 0.1)
 
     def parts(self) -> list[Groups]:
         """Return the spectra of quarters of the record; an empty list if they are too short."""

@@ -12,7 +12,6 @@ import bags
 from bags import assert_same, block, read, refusal, write_db3, write_mcap
 from imu_allan.errors import printable
 from imu_allan.recordings import open_recording, read_blocks, recordings_in
-from imu_allan.recordings.formats import compressed_file
 from imu_messages import encode_imu
 import numpy as np
 from processes import python
@@ -178,21 +177,12 @@ def test_each_of_several_topics_is_read_as_if_by_itself(tmp_path):
                 assert [remark.values['count'] for remark in reader.remarks] == malformed
 
 
-def test_all_topics_of_a_compressed_file_have_one_unpacked_copy(tmp_path, monkeypatch, output_of):
+def test_of_a_compressed_file_of_several_topics_no_unpacked_copy_is_left(
+        tmp_path, monkeypatch, output_of):
     unpacked = tmp_path / 'unpacked'
     unpacked.mkdir()
     monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))
-    made = []
-    once = compressed_file.make_folder
-
-    def counted():
-        made.append(len(list(unpacked.iterdir())))
-        return once()
-
-    monkeypatch.setattr(compressed_file, 'make_folder', counted)
     path = write_packed_db3(tmp_path / 'h.db3.zstd')
     shown = output_of('analyze', path, '--all-topics', '--no-progress')
     assert all(f'/imu_{number}' in shown for number in range(3))
-    # One lists the topics, one serves them all.
-    assert made == [0, 0]
     assert list(unpacked.iterdir()) == []
