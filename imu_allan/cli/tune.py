@@ -3,7 +3,7 @@
 """Show the numbers that a filter needs, and what it would achieve with others."""
 
 import argparse
-from dataclasses import replace
+from collections.abc import Mapping
 import json
 import sys
 from typing import Any, TYPE_CHECKING
@@ -11,14 +11,12 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.arguments import duration
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
-from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import TUNING
 
 if TYPE_CHECKING:
-    from imu_allan.result import Result
+    from imu_allan.result import AxisResult
     from imu_allan.tuning.field_test import FieldTest
-    from imu_allan.tuning.means import Means
 
 
 def register(verbs: Any) -> None:
@@ -44,8 +42,7 @@ def register(verbs: Any) -> None:
                         help='how long the bias is averaged before a drift (default: 60s)')
     parser.add_argument('--verify', metavar='OTHER',
                         help='run filters with the numbers over another recording, of another '
-                             'day or with the motors on; of a result the models alone are '
-                             'compared')
+                             'day or with the motors on')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     add_recording_options(parser)
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
@@ -72,62 +69,40 @@ def run(args: argparse.Namespace) -> int:
     for line in wrapped(tuning_table.sentences(result, args.coast, args.calibration),
                         console.width):
         console.print(line)
-    tables, verified = ([], {}) if args.verify is None else _verification(args, result)
-    for table in tables:
+    tested = {} if args.verify is None else _tested(args, tuning_table.known_axes(result))
+    if tested:
         console.print()
-        console.print(table)
+        console.print(tuning_table.field_test_table(tested, printable(args.verify), args.bias))
     sys.stdout.flush()
     if args.json is not None:
         document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias,
                                                 args.calibration)
-        if args.verify is not None:
-            document['verification'] = {'other': printable(args.verify), 'axes': verified}
+        if tested:
+            document['verification'] = {
+                'other': printable(args.verify),
+                'axes': tuning_table.field_test_document(tested, args.bias)}
         write_atomically(args.json, (json.dumps(document, indent=2, allow_nan=False)
                                      + '\n').encode())
     return 0
 
 
-def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:
-    """Return the tables about the other recording, and the same as plain numbers."""
+def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict[str, FieldTest]':
+    """Run filters with the numbers of some axes over the other recording."""
+    from imu_allan.analysis import Choice, means_over_one_second
+    from imu_allan.timeline import TimelineOptions
     from imu_allan.tuning.field_test import field_test
-    from imu_allan.tuning.tune import tune
-    from imu_allan.tuning.verification import verify
-    from imu_allan.writers import tuning_table
+    from imu_allan.writers.result_file import is_result
 
-    other, means = _other(args)
-    axes = {name: axis for name, axis in result.axes.items()
-            if axis.drift_model is not None and name in other.axes
-            and other.axes[name].drift_model is not None}
-    if not axes:
-        raise ImuAllanError(f'{args.verify}: no axis has a drift model in both recordings')
+    if is_result(args.verify):
+        raise ImuAllanError(f'--verify {args.verify}: is a result, without samples to run filters '
+                            'over; name the recording itself')
+    choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
+    with choice.opened(args.verify) as recording, progress_bar(
+            args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
+        means = means_over_one_second(recording, choice, axes, progress)
     tested: dict[str, FieldTest] = {}
     for part in means:
         tested |= field_test(axes, part, args.aiding, args.coast, args.bias)
-    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast, args.bias))
-             for name, axis in axes.items()}
-    for name, one in tested.items():
-        found[name] = replace(found[name], noise_factor=one.noise_factor,
-                              noise_ci95=one.noise_ci95, random_walk_factor=one.random_walk_factor,
-                              random_walk_ci95=one.random_walk_ci95)
-    name = printable(args.verify)
-    tables: list[Any] = [tuning_table.verification_table(found, name, args.bias, run=bool(tested))]
-    if tested:
-        units = {key: axis.unit for key, axis in axes.items()}
-        tables.insert(0, tuning_table.field_test_table(tested, name, units))
-    return tables, tuning_table.field_test_document(tested, found, args.bias)
-
-
-def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
-    """Return the other result and, of a recording, the means to run filters over."""
-    from imu_allan.analysis import Choice, means_over_one_second
-    from imu_allan.timeline import TimelineOptions
-    from imu_allan.writers.result_file import is_result
-
-    choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
-    result = loaded_or_analyzed(args.verify, choice, progress=not args.no_progress)
-    if is_result(args.verify):
-        return result, []
-    axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
-    with choice.opened(args.verify) as recording, progress_bar(
-            args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
-        return result, means_over_one_second(recording, choice, axes, progress)
+    if not tested:
+        raise ImuAllanError(f'{args.verify}: no axis of the result has noise there')
+    return tested

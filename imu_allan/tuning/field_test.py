@@ -64,13 +64,14 @@ class FieldTest:
 
 def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
                coast_s: float = 60.0, bias: Bias = 'random_walk') -> dict[str, FieldTest]:
-    """Run filters with the numbers of some axes over means of another recording of the sensor."""
+    """Run filters with the numbers of axes, which have drift models, over another recording."""
     names = [list(AXES)[column] for column in means.columns]
+    whole = segments(means.series, means.cell)
+    # A constant axis has no noise to compare.
     rows = [i for i, name in enumerate(names)
-            if name in axes and axes[name].drift_model is not None]
+            if name in axes and any(np.ptp(part[i]) > 0 for part in whole)]
     kept = {names[i]: axes[names[i]] for i in rows}
-    parts = [part[rows] for part in segments(means.series, means.cell)
-             if part.shape[1] >= SHORTEST]
+    parts = [part[rows] for part in whole if part.shape[1] >= SHORTEST]
     if not kept:
         return {}
     if not parts:

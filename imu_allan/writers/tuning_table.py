@@ -3,7 +3,7 @@
 """
 Filter tuning as tables and text for the terminal, and as plain data for JSON.
 
-There are five sets of filter numbers. Tables on their performance in another recording come last.
+There are five sets of filter numbers. Their performance in another recording comes last.
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.result import AxisResult, Result
+from imu_allan.noise.terms import AXES
+from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.kalman import unaided_variance
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
-from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import of_sensor
 from imu_allan.writers.included import trend_notes, why_left_out
@@ -190,17 +190,24 @@ def _is_known(forecast: DriftForecast, horizon: float) -> bool:
     return max(horizon, forecast.calibration_s) <= forecast.known_to_s * (1 + 1e-6)
 
 
-def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
+def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'
                      ) -> Group:
     """Return a table of how filters with the numbers of one recording performed in another."""
+    def factor_of(value: float, ci95: Interval) -> str:
+        return f'{value:.2f} ({ci95[0]:.2f}-{ci95[1]:.2f})'
+
     first = next(iter(found.values()))
     parts = ('in one part' if first.stops == 1
              else f'in {first.stops} parts, in each of which the filter begins anew')
     table = bare_table('axis', 'numbers',
                        *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
                        *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
+    second = 'K' if bias == 'random_walk' else 'sigma'
+    factors = bare_table('axis', 'N times', f'{second} times', texts=1)
     for name, one in found.items():
-        factor, unit = engineering(1.0, units[name])
+        factor, unit = engineering(1.0, AXES[name].unit)
+        factors.add_row(spoken(name), factor_of(one.noise_factor, one.noise_ci95),
+                        factor_of(one.random_walk_factor, one.random_walk_ci95))
         for what, met in ((TUNED, one.tuned), (FULL, one.full)):
             table.add_row(
                 f'{spoken(name)}\n{unit}' if what == TUNED else '',
@@ -215,38 +222,10 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
              'that time unaided. In brackets: where 95 % of such errors should lie if '
-             'the sensor were as the first recording has it.', 'dim'))
-
-
-def verification_table(found: Mapping[str, Verification], other: str,
-                       bias: Bias = 'random_walk', *, run: bool = False) -> Group:
-    """Return a table of how well numbers from one recording fit another, or `run` over it."""
-    def ratio(value: float, ci95: tuple[float, float]) -> str:
-        return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
-
-    spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
-    second = 'K' if bias == 'random_walk' else 'sigma'
-    table = bare_table('axis', *(() if run else ('NIS', 'error')), 'N times', f'{second} times',
-                       *spans, texts=1)
-    for name, one in found.items():
-        bands = {_span(e): ratio(e.ratio, e.ci95) for e in one.excess}
-        expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
-        table.add_row(spoken(name), *expected, ratio(one.noise_factor, one.noise_ci95),
-                      ratio(one.random_walk_factor, one.random_walk_ci95),
-                      *(bands.get(span, '') for span in spans))
-    return Group(
-        Text(f'The tuned numbers held against {other}:'), table,
-        Text(f'N times, {second} times: the factor that would make the numbers right there, with '
-             'its 95 % interval. Above 1 with motors or wheels running, it is what the motion '
-             'adds: put it into --inflate. By averaging time: Allan deviation there over the one '
-             'predicted.'
-             + ('' if run else ' The models are compared; name the recording itself to run '
-                'filters over it.'), 'dim'))
-
-
-def _span(excess: Excess) -> str:
-    low, high = number(excess.from_s, 2), number(excess.to_s, 2)
-    return f'{low} s' if low == high else f'{low}-{high} s'
+             'the sensor were as the first recording has it.', 'dim'), Text(), factors,
+        Text(f'N times, {second} times: the factor that would make the tuned numbers right there, '
+             'with its 95 % interval. Above 1 with motors or wheels running, it is what the '
+             'motion adds: put it into --inflate.', 'dim'))
 
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
@@ -270,21 +249,15 @@ def _plain(choice: Choice) -> dict[str, Any]:
                 'known_from_s', 'known_to_s')}}
 
 
-def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],
-                        bias: Bias = 'random_walk') -> dict[str, Any]:
-    """Return the content of the tables on another recording as plain data."""
-    axes: dict[str, Any] = {}
+def field_test_document(found: Mapping[str, FieldTest], bias: Bias = 'random_walk'
+                        ) -> dict[str, Any]:
+    """Return the content of the table on another recording as plain data."""
     second = 'random_walk' if bias == 'random_walk' else 'sigma'
-    for name, one in against.items():
-        axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
-                      f'{second}_factor': one.random_walk_factor,
-                      f'{second}_ci95': _finite(one.random_walk_ci95),
-                      'excess': [asdict(excess) for excess in one.excess]}
-        if name in found:
-            test = found[name]
-            axes[name] |= {'tested_s': test.tested_s, 'stops': test.stops,
-                           'tuned': asdict(test.tuned), 'full': asdict(test.full)}
-    return axes
+    return {name: {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
+                   f'{second}_factor': one.random_walk_factor,
+                   f'{second}_ci95': _finite(one.random_walk_ci95), 'tested_s': one.tested_s,
+                   'stops': one.stops, 'tuned': asdict(one.tuned), 'full': asdict(one.full)}
+            for name, one in found.items()}
 
 
 def _finite(ends: tuple[float, float]) -> list[float | None]:
