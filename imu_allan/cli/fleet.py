@@ -122,21 +122,8 @@ def error_of(error: BaseException, path: str) -> ImuAllanError:
 def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     """Return the error about a recording in which no axis shows any coefficient."""
     from imu_allan.fleet.population import shows_anything
+    from imu_allan.writers.verdict import verdict_lines
 
     if shows_anything(result):
         return None
-    axes, samples = result.axes.values(), result.timeline.samples
-    if axes and all(axis.constant for axis in axes):
-        reason = ('every axis is constant, there is no noise to measure; look whether the IMU '
-                  'works and is read out')
-    elif any(axis.high_passed_hz is not None for axis in axes):
-        reason = 'a filter has taken out the slow part of the noise; take the raw topic'
-    elif axes and all(axis.fault is not None for axis in axes):
-        reason = ('the output is cut off at an end of its range, stood still or has a deadband. '
-                  'See the warnings of the axes')
-    else:
-        from imu_allan.wording import counted
-
-        reason = (f'{counted(samples, "sample")} {"is" if samples == 1 else "are"} too few; '
-                  'record for longer')
-    return ImuAllanError(f'{path}: no coefficient: {reason}')
+    return ImuAllanError(f'{path}: no coefficient. {" ".join(verdict_lines(result))}')

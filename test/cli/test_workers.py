@@ -155,8 +155,8 @@ def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, fails_w
              for name, samples in (('good', 7000), ('short', 600))]
     constant = tmp_path / 'constant.csv'
     constant.write_text('time_s,gyro_y\n' + ''.join(f'{i / 100},1\n' for i in range(7000)))
-    shown = fails_with(f'{constant}: no coefficient: every axis is constant, there is no noise to '
-                       'measure; look whether the IMU works and is read out',
+    shown = fails_with(f'{constant}: no coefficient. Gyroscope: not usable: every sample is the '
+                       'same (y).',
                        'analyze', *paths, constant)
     assert shown.splitlines()[:3] == [
         Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),

@@ -14,7 +14,6 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
 from imu_allan.writers.fleet import Failure, Fleet, population_table
-from imu_allan.writers.fleet.figure import units_figure
 from imu_allan.writers.fleet.findings import sentence
 from imu_allan.writers.fleet.written import fleet_csv, fleet_html, fleet_json
 import numpy as np
@@ -152,11 +151,5 @@ def test_a_page_of_forty_units_can_be_read(tmp_path, browser, dark):
     for width in (400, 1400):
         assert faults_of(page, browser, width, dark) == []
         assert 'SN1017' in browser.run('return document.body.innerText')
-    # The population, two pictures that are cut nowhere, the table of units.
-    assert len(pages_in_print(page, browser)) == 4
-
-
-def test_units_whose_long_names_differ_in_the_middle_have_labels_that_differ():
-    results = {f'recording_of_{unit}_monday_night': build_result() for unit in 'abc'}
-    for panel in units_figure(Fleet(results)).axes:
-        assert len({tick.get_text() for tick in panel.get_xticklabels()}) == 3
+    # The population, a picture that is cut nowhere, the table of units.
+    assert len(pages_in_print(page, browser)) == 3

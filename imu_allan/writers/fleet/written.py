@@ -29,7 +29,7 @@ from imu_allan.writers.answer import worst_of
 from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import DARK
-from imu_allan.writers.fleet.figure import curves_figure, units_figure
+from imu_allan.writers.fleet.figure import curves_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.plot import render
@@ -106,9 +106,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
         style=Markup(f'{text_of("report.css")}{_both_colours()}'),
         facts=_facts(fleet),
         fleet=fleet, link=_link, worst=_worst, findings=findings_line,
-        pictures=[(name, Markup(_svg(figure, place))) for place, (name, figure) in enumerate((
-            ('Allan deviation of every unit', curves_figure(fleet)),
-            ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
+        picture=Markup(_svg(curves_figure(fleet))) if fleet.results else '',
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
         # For each, the worst axis of a unit is shown.
@@ -125,11 +123,10 @@ def _facts(fleet: Fleet) -> list[str]:
     return facts
 
 
-def _svg(figure: Any, place: int) -> str:
-    """Return a figure as an SVG element whose identifiers are unique in the page."""
+def _svg(figure: Any) -> str:
+    """Return a figure as an SVG element in the colours of the page."""
     text = render(figure, 'svg').decode()
     text = text[text.index('<svg'):]
-    text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
     for colour in DARK:
         text = text.replace(colour, f'var(--c{colour[1:]})')
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
