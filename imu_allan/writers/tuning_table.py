@@ -22,9 +22,8 @@ from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import of_sensor
-from imu_allan.writers.included import trend_notes, why_left_out
 from imu_allan.writers.terminal import bare_table
-from imu_allan.writers.words import for_display, sentence_of
+from imu_allan.writers.words import for_display, sentence_of, trend_notes, why_left_out
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -133,8 +132,8 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
     said = _left_out(result)
     if known_less_than(result.axes, max(FORECAST_S[-1], calibration_s)) is not None:
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
-    said += [*(f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
-               for sentence in trend_notes(result.axes)), *_steadiness(result, coast_s)]
+    said += [*(f'{note}. The rows "{MEASURED}" and "{TENFOLD}" are without it.'
+               for note in trend_notes(result)), *_steadiness(result, coast_s)]
     for time_s, what in ((coast_s, 'unaided'),
                          (calibration_s, 'of averaging the bias')):
         if (known := known_less_than(result.axes, time_s)) is not None:

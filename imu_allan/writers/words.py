@@ -14,8 +14,8 @@ from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
-from imu_allan.result import Result
-from imu_allan.verdict import verdicts
+from imu_allan.result import AxisResult, Result
+from imu_allan.verdict import FAULTS, verdicts
 from imu_allan.wording import named
 from imu_allan.writers.sentences import Span, Text, WORDS
 
@@ -176,6 +176,18 @@ def with_words(result: Result) -> Result:
     """Return a result whose findings and verdicts are in the form that all front ends show."""
     shown = replace(result, warnings=for_display(result.warnings))
     return replace(shown, sensors=verdicts(shown))
+
+
+def trend_notes(result: Result) -> list[str]:
+    """Return the findings of trends, which are in filter numbers but not in coefficients."""
+    return [message_of(found) for found in for_display(result.warnings)
+            if found.code in ('warm_up', 'slow_cycle', 'temperature')]
+
+
+def why_left_out(axis: AxisResult) -> str:
+    """Return why an axis has no numbers for a filter; empty if it measures properly."""
+    code = 'high_passed' if axis.high_passed_hz is not None else FAULTS.get(axis.fault or '')
+    return WORDS[code].title if code else ''
 
 
 def _grouped(findings: Sequence[Finding]) -> list[Finding]:

@@ -359,7 +359,7 @@ def test_every_config_says_where_it_comes_from_and_what_was_measured(consumer):
         # N of each axis with its interval, in the unit of the file; three axes, two sensors.
         tuned = export_as_wished(DRIFTING, consumer)
         assert len(re.findall(r'measured [\d.e+-]+ \([\d.e+-]+ to [\d.e+-]+\)', tuned)) >= 6
-    assert ('gyro_y is DEAD in this recording (every sample is the same): it is in none of the '
+    assert ('gyro_y is DEAD in this recording (constant): it is in none of the '
             'numbers below') in export(with_axes(EASY, 'gyro_y', **DEAD), consumer)
     assert ('This result has no accelerometer: its numbers are left out.'
             in export(only(EASY, 'gyro'), consumer))

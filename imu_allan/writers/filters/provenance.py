@@ -7,7 +7,7 @@ from imu_allan.tuning.tune import assess
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration, ranged
 from imu_allan.writers.filters.chosen_numbers import Numbers, Sensor, SENSORS
-from imu_allan.writers.included import trend_notes, why_left_out
+from imu_allan.writers.words import trend_notes, why_left_out
 
 
 def provenance(numbers: Numbers) -> list[str]:
@@ -40,7 +40,7 @@ def _choice(numbers: Numbers, expected: bool) -> list[str]:
         lines += [f'{name}: ' + ', '.join(
             f'{key} {numbers.measured(name, key)}' for key in numbers.coefficients[name])
             for name in numbers.result.axes if numbers.coefficients[name]]
-        lines += trend_notes(numbers.result.axes)
+        lines += trend_notes(numbers.result)
     elif numbers.aiding_s is None:
         lines.append(f'Noise densities as measured: {numbers.consumer.aiding.reason}.')
     elif numbers.options.as_measured:
@@ -54,7 +54,7 @@ def _choice(numbers: Numbers, expected: bool) -> list[str]:
         lines.append(f'{kind} for a correction every {duration(numbers.aiding_s)}{why} and '
                      f'{duration(numbers.coast_s)} unaided.')
         lines += _beyond(numbers, 'the numbers are')
-        lines += trend_notes({name: numbers.result.axes[name] for name in numbers.tunings})
+        lines += trend_notes(numbers.result)
     return lines + _left_out(numbers) + _inflated(numbers)
 
 
