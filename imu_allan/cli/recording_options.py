@@ -33,6 +33,9 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--accel', metavar='FIELD[:UNIT]',
                        help='field of the acceleration and its unit: imu.acc:g; or the unit '
                             'alone: :g')
+    # Former names, kept for one release.
+    group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
+    group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--stamp', metavar='FIELD',
                        help="field of the time: 'imu.stamp', or a number as 'time_us us'")
     group.add_argument('--gyro-topic', metavar='NAME',
@@ -55,6 +58,8 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--clock', choices=('header', 'receive', 'none'), default='auto',
                         help='stamps to trust (default: header, unless unusable); none counts '
                              'samples and needs --rate')
+    parser.add_argument('--force-rate', action='store_const', const='none', dest='clock',
+                        help=argparse.SUPPRESS)
     parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
                         help='leave out the beginning (10 or 10s, 5min, 2h), or the warm-up '
                              '(auto)')
@@ -91,8 +96,9 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=gyro, accel=accel,
-        stamp=args.stamp, gyro_unit=gyro_unit, accel_unit=accel_unit,
-        gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
+        stamp=args.stamp, gyro_unit=gyro_unit or args.gyro_unit,
+        accel_unit=accel_unit or args.accel_unit, gyro_topic=args.gyro_topic,
+        accel_topic=args.accel_topic, columns=tuple(pairs),
         accel_rate_hz=args.accel_rate, temperature=args.temperature)
 
 

@@ -63,6 +63,7 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     ('analyze bag --rate 1e9',
      'argument --rate: 1e9: no IMU gives so many samples a second; give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
+    ('analyze bag --force-rate', '--clock none needs --rate'),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
     ('analyze bag --start 1e300', 'argument --start: 1e300 is more than a hundred years'),
     ('analyze bag --duration 3weeks', f"argument --duration: '3weeks' {NO_TIME}"),
@@ -148,7 +149,8 @@ def test_times_rates_and_names_are_read_as_people_write_them(words, key, expecte
 @pytest.mark.parametrize(('words', 'said'), [
     (['--gyro', 'imu.gyro[0:3]:deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
     (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
-    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'})])
+    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'}),
+    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'})])
 def test_a_unit_stands_behind_the_field_or_alone(words, said):
     args = command_parser().parse_args(['info', 'bag', *words])
     assert recording_options(args) == RecordingOptions(**said)
