@@ -23,7 +23,7 @@ RATE = 100.0
 HOURS_3 = 1_080_000
 WHOLE = 8192
 """Samples of a record that is transformed as a whole."""
-NOT_FINITE = ('samples must be finite, real, and none masked; '
+NOT_FINITE = ('samples must be finite, below 1e30, real, and none masked; '
               'imu_allan.analyze reads a CSV file with gaps')
 
 
@@ -216,7 +216,7 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
 @pytest.mark.parametrize(('samples', 'rate', 'quantity', 'line'), [
     (np.zeros((5, 2)), 100.0, 'angular_velocity',
      'samples must have one dimension, not 2: characterize one axis at a time'),
-    ([1.0, np.nan], 100.0, 'angular_velocity', NOT_FINITE),
+    *(([1.0, value], 100.0, 'angular_velocity', NOT_FINITE) for value in (np.nan, 1e100)),
     (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
     ([1.0, 2.0j], 100.0, 'angular_velocity', NOT_FINITE),
     ((np.arange(200) % 7).tolist(), 100.0, 'angular_velocity',

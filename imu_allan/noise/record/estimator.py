@@ -136,8 +136,10 @@ class Estimator(MultiAxis):
         if block.ndim != 2 or block.shape[1] != self.axes:
             raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
         # An array made of a masked one has values in place of those that are masked.
-        if np.iscomplexobj(samples) or np.ma.is_masked(samples) or not np.isfinite(block).all():
-            raise ValueError('samples must be finite, real, and none masked; '
+        # No sensor reaches a value whose fourth power overflows.
+        if (np.iscomplexobj(samples) or np.ma.is_masked(samples)
+                or not np.abs(block).max(initial=0.0) < 1e30):
+            raise ValueError('samples must be finite, below 1e30, real, and none masked; '
                              'imu_allan.analyze reads a CSV file with gaps')
         places = [int(row) for row in interpolated]
         if any(later <= one for one, later in pairwise([-1, *places, len(block)])):
