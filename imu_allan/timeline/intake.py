@@ -160,9 +160,7 @@ class Intake(Record):
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
         seen: list[str] = [alternates(samples)]
-        # Even stamps come from one sensor, or from two in strict alternation, found above.
-        if 'noise' not in seen and (decision.first_interval_ns is None
-                                    or not _is_nearly_full(decision.pace, clocks[0])):
+        if 'noise' not in seen:
             seen += [are_interleaved(stamps, samples, decision.pace.interval_ns)
                      for stamps in clocks]
         if any(seen):

@@ -331,7 +331,7 @@ def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(e
 
 
 @pytest.mark.parametrize(('speed', 'back_s'), [
-    (0.001, 0), (0.1, 0), (10.0, 0), (1000.0, 0), (10.0, 500.0), (1.0, 3600.0)])
+    (0.001, 0), (0.1, 0), (1.08, 0), (10.0, 0), (1000.0, 0), (10.0, 500.0), (1.0, 3600.0)])
 def test_clocks_of_different_speed_are_reported(speed, back_s):
     messages, _, _ = rest()
     messages.header *= speed
