@@ -42,18 +42,15 @@ class Part:
         Position of the body in the file.
     is_chunk : bool
         Whether it is a chunk.
-    counts : dict of int to int
-        Message count by channel, from the index after a chunk; empty without an index.
-    indexes : list of (int, int)
-        Position and length of the entries of each index after a chunk.
+    indexes : dict of int to (int, int)
+        Position and number of entries of the index of each channel after a chunk.
 
     """
 
     start: int
     length: int
     is_chunk: bool
-    counts: dict[int, int] = field(default_factory=dict)
-    indexes: list[tuple[int, int]] = field(default_factory=list)
+    indexes: dict[int, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,8 +71,8 @@ class Channel:
 class ChunkedRecording(FileRecording):
     """A chunked file whose channels are described in an index at its end or in the chunks."""
 
-    _limits: ClassVar[tuple[int, ...]]
-    """Arguments of `ReadingLimits`: how many records of a chunk may be read one by one."""
+    _most_steps: ClassVar[int]
+    """How many records of a chunk of any size may be read one by one."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -111,7 +108,7 @@ class ChunkedRecording(FileRecording):
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        limits = ReadingLimits(self.path, *self._limits)
+        limits = ReadingLimits(self.path, self._most_steps)
         malformed = MalformedMessages()
         damage, messages = Damage(), 0
 
@@ -126,7 +123,7 @@ class ChunkedRecording(FileRecording):
 
         with self._stored.open('rb') as file:
             for part in self._parts(file, damage):
-                if part.counts and not wanted & part.counts.keys():
+                if part.indexes and not wanted & part.indexes.keys():
                     continue
                 try:
                     for blocks in self._blocks(file, part, wanted, enter, decode, limits):
@@ -147,11 +144,11 @@ class ChunkedRecording(FileRecording):
         is not described yet are decompressed.
         """
         counts: Counter[int] = Counter()
-        limits = ReadingLimits(self.path, *self._limits)
+        limits = ReadingLimits(self.path, self._most_steps)
         damage = Damage()
         for part in self._parts(file, damage):
-            counts.update(part.counts)
-            if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
+            counts.update({number: count for number, (_, count) in part.indexes.items()})
+            if not part.is_chunk or not part.indexes or part.indexes.keys() - self._channels:
                 try:
                     for _ in self._blocks(file, part, frozenset(), lambda _: None, lambda _: [],
                                           limits):

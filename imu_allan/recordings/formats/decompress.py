@@ -117,16 +117,13 @@ class ReadingLimits:
     path : Path
         The original file, before any decompression.
     at_least : int
-        Steps allowed in any chunk, whatever its size.
-    bytes_per_step : int, optional
-        Bytes of a chunk that allow one more step.
+        Steps allowed in any chunk, whatever its size; each of its bytes allows one more.
 
     """
 
-    def __init__(self, path: Path, at_least: int, bytes_per_step: int = 1) -> None:
+    def __init__(self, path: Path, at_least: int) -> None:
         size = path.stat().st_size
         self._at_least = at_least
-        self._bytes_per_step = bytes_per_step
         self._left = 0
         # Up to ten chunks may take `at_least` steps each, whatever their size. Beyond that, even
         # the smallest compressed record takes more than four bytes of the file.
@@ -136,8 +133,7 @@ class ReadingLimits:
     def begin(self, stored: int) -> None:
         """Begin a chunk that occupies `stored` bytes of the file."""
         self._steps += max(self._left, 0)
-        most = self._at_least + stored // self._bytes_per_step
-        self._left = min(self._steps, most)
+        self._left = min(self._steps, self._at_least + stored)
         self._steps -= self._left
 
     def step(self) -> None:

@@ -18,7 +18,7 @@ from struct import Struct
 
 from imu_allan.arrays import Ints
 from imu_allan.cdr import MessageBatch, rows_like_first, runs
-from imu_allan.recordings.formats.decompress import DamagedData, ReadingLimits
+from imu_allan.recordings.formats.decompress import ReadingLimits
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray
@@ -98,17 +98,13 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     # 20 chunks of rosbag2, as one chunk may be far larger
     batch_bytes = 1 << 24
     left = batch_bytes
-    try:
-        for batch in batches:
-            held.append(batch)
-            # Allow 1 kB for the overhead of a batch.
-            left -= batch.rows.nbytes + 1024
-            if left < 0:
-                yield held
-                held, left = [], batch_bytes
-    except DamagedData:
-        yield held
-        raise
+    for batch in batches:
+        held.append(batch)
+        # Allow 1 kB for the overhead of a batch.
+        left -= batch.rows.nbytes + 1024
+        if left < 0:
+            yield held
+            held, left = [], batch_bytes
     yield held
 
 

@@ -3,9 +3,9 @@
 """
 ROS 1 bags, format 2.0, read chunk by chunk.
 
-The messages of a topic are gathered from a decompressed chunk as arrays, as in MCAP files. The
-per-message index grows with the length of a bag and is not loaded. The reader of the `rosbags`
-library always loads it, so it is not used here.
+The index after each chunk locates its messages, which are gathered as arrays. It is trusted only
+if they and the records of connections fill the chunk. The reader of the `rosbags` library always
+loads the indexes of all chunks, so it is not used here.
 
 References
 ----------
@@ -16,11 +16,11 @@ ROS wiki, Bags/Format/2.0
 from collections import Counter
 from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MessageBatch
+from imu_allan.cdr import MessageBatch, runs
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
@@ -32,15 +32,16 @@ from imu_allan.recordings.formats.chunked_file import (
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, decompress, ReadingLimits
-from imu_allan.recordings.formats.gather import collect, equal_records, in_lists
+from imu_allan.recordings.formats.gather import collect
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
-from numpy.typing import NDArray
 
 MAGIC = b'#ROSBAG V2.0\n'
 
-_MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 4, 5, 6, 7))
+_INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (4, 5, 6, 7))
 """Record types, the values of the field `op`."""
+_ENTRY = np.dtype([('sec', '<u4'), ('nanosec', '<u4'), ('place', '<u4')])
+"""An entry of the index after a chunk: receive stamp, and offset of a message."""
 
 _Fields = dict[str, bytes]
 
@@ -48,16 +49,26 @@ _Fields = dict[str, bytes]
 class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
-    # Records that may be read one by one in any chunk, and bytes that allow one more. A step takes
-    # 10 to 20 us; a chunk of 768 kB, as rosbag writes them, has at most 13,000 records.
-    _limits = (20_000, 4)
+    # They take a fifth of a second.
+    _most_steps = 20_000
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
                 ) -> Iterator[list[ImuBlock]]:
-        for batches in in_lists(self._gather(
-                _chunk_data(file, part, limits), wanted, enter, limits)):
-            yield decode(batches)
+        buffer = _chunk_data(file, part, limits)
+        connections, times, places = _indexed(file, part)
+        bodies = places + 4 + _lengths(buffer, places)
+        sizes = _lengths(buffer, bodies)
+        ends = bodies + 4 + sizes
+        starts, stops = np.append(places, len(buffer)), np.append(0, ends)
+        for gap in np.flatnonzero(starts != stops).tolist():
+            self._gather_connections(buffer, int(stops[gap]), int(starts[gap]), enter, limits)
+        chosen = np.isin(connections, [*wanted & part.indexes.keys()])
+        bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
+        yield decode(
+            MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
+                         times[first:last])
+            for first, last in runs(np.diff(sizes) != 0, len(sizes)))
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read connections and counts from the end of the bag; return False if it lacks them."""
@@ -131,8 +142,8 @@ class Ros1Recording(ChunkedRecording):
             record = _record(file, at, self._next_chunk(at) or self.size_bytes)
             if record is not None and record.fields['op'] == _INDEX and part is not None:
                 with suppress(DamagedData):
-                    part.counts[_number(record.fields, 'conn', 4)] = _number(
-                        record.fields, 'count', 4)
+                    part.indexes[_number(record.fields, 'conn', 4)] = (
+                        record.start, record.length // _ENTRY.itemsize)
             elif part is not None:
                 yield part
                 part = None
@@ -149,67 +160,22 @@ class Ros1Recording(ChunkedRecording):
                 break
             at = record.start + record.length
 
-    def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
-                limits: ReadingLimits) -> Iterator[MessageBatch]:
-        """
-        Gather the messages of the connections `wanted` from a chunk, and store new connections.
-
-        Raises DamagedData, after the messages before it, at an incomplete record or when `limits`
-        is exhausted.
-        """
-        heads: list[_MessageHead] = []
-        scattered: list[int] = []
-        scattered_head: _MessageHead | None = None
-
-        def collected() -> Iterator[MessageBatch]:
-            if scattered_head is not None:
-                yield scattered_head.batch(
-                    collect(buffer, np.array(scattered), scattered_head.stride))
-
-        at = 0
-        try:
-            while at < len(buffer):
-                limits.step()
-                head = _head_at(buffer, at, heads)
-                if head is None:
-                    at, number = self._gather_connection(buffer, at)
-                    if number is not None:
-                        enter(number)
-                    continue
-                # Two probes are cheap; comparing a whole run is not.
-                count = 1
-                if (head.stands_at(buffer, at + head.stride)
-                        and head.stands_at(buffer, at + 8 * head.stride)):
-                    time_at = len(head.before)
-                    count = equal_records(buffer, at, head.stride, [
-                        (0, time_at), (time_at + 8, time_at + 8 + len(head.after))])
-                if head.connection in wanted:
-                    if count > 1 or head is not scattered_head:
-                        yield from collected()
-                        scattered, scattered_head = [], None
-                    if count > 1:
-                        yield head.batch(np.ndarray((count, head.stride), np.uint8, buffer, at))
-                    else:
-                        scattered.append(at)
-                        scattered_head = head
-                at += count * head.stride
-        except DamagedData:
-            yield from collected()
-            raise
-        yield from collected()
-
-    def _gather_connection(self, buffer: bytes, at: int) -> tuple[int, int | None]:
-        """Store the connection record at `at`; return its end, and its number if it is new."""
-        start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
-        if start > len(buffer):
-            raise DamagedData(f'no record at byte {at} of it')
-        fields = _fields_of(buffer[at + 4:start - 4])
-        end = start + int.from_bytes(buffer[start - 4:start], 'little')
-        if end > len(buffer):
-            raise DamagedData(f'the record at byte {at} of it is cut short')
-        if fields.get('op') == _CONNECTION and end - start <= LARGEST_DESCRIPTION:
-            return end, self._describe(fields, buffer[start:end])
-        return end, None
+    def _gather_connections(self, buffer: bytes, at: int, stop: int,
+                            enter: Callable[[int], None], limits: ReadingLimits) -> None:
+        """Store the connections of the records between two messages."""
+        while at != stop:
+            limits.step()
+            start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
+            end = start + int.from_bytes(buffer[start - 4:start], 'little')
+            fields = _fields_of(buffer[at + 4:start - 4]) if start <= end <= stop else {}
+            if fields.get('op') != _CONNECTION:
+                raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
+                                  'record of a connection')
+            if end - start <= LARGEST_DESCRIPTION:
+                number = self._describe(fields, buffer[start:end])
+                if number is not None:
+                    enter(number)
+            at = end
 
 
 class _Record(NamedTuple):
@@ -218,41 +184,6 @@ class _Record(NamedTuple):
     fields: _Fields
     start: int
     length: int
-
-
-@dataclass(frozen=True)
-class _MessageHead:
-    """
-    The bytes that precede the data of a message in a chunk.
-
-    Attributes
-    ----------
-    connection : int
-        Connection number.
-    before, after : bytes
-        The bytes before and after the 8 bytes of the receive stamp.
-    stride : int
-        Size of the whole record in bytes.
-
-    """
-
-    connection: int
-    before: bytes
-    after: bytes
-    stride: int
-
-    def stands_at(self, buffer: bytes, at: int) -> bool:
-        """Return whether a complete record with this head starts at `at`."""
-        return (buffer.startswith(self.before, at)
-                and buffer.startswith(self.after, at + len(self.before) + 8)
-                and at + self.stride <= len(buffer))
-
-    def batch(self, records: NDArray[np.uint8]) -> MessageBatch:
-        """Extract receive stamps and data of records that have this head."""
-        time_at = len(self.before)
-        time = records[:, time_at:time_at + 8].view('<u4').astype(np.int64)
-        return MessageBatch(records[:, time_at + 8 + len(self.after):],
-                            time[:, 0] * 1_000_000_000 + time[:, 1])
 
 
 def _fields_of(header: bytes) -> _Fields:
@@ -316,31 +247,24 @@ def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
     return decompress(compression, file.read(record.length), size)
 
 
-def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead | None:
-    """Read the head of the message at `at`; return None if it is another kind of record."""
-    for head in known:
-        if head.stands_at(buffer, at):
-            return head
-    header_end = at + 4 + int.from_bytes(buffer[at:at + 4], 'little')
-    if not at + 8 <= header_end + 4 <= len(buffer) or header_end - at > 256:
-        return None
-    try:
-        fields = _fields_of(buffer[at + 4:header_end])
-        connection = _number(fields, 'conn', 4)
-    except DamagedData:
-        return None
-    # The field length, 13, precedes name and value.
-    time_field = buffer.find(b'\x0d\0\0\0time=', at, header_end)
-    if fields.get('op') != _MESSAGE or time_field < 0:
-        return None
-    time_at = time_field + 9
-    length = int.from_bytes(buffer[header_end:header_end + 4], 'little')
-    head = _MessageHead(
-        connection, buffer[at:time_at],
-        buffer[time_at + 8:header_end + 4], header_end + 4 + length - at)
-    if not head.stands_at(buffer, at):
-        raise DamagedData(f'the message at byte {at} of it is cut short')
-    # Known heads are compared in turn, so only a few are kept.
-    if len(known) < 16:
-        known.append(head)
-    return head
+def _indexed(file: BinaryIO, part: Part) -> tuple[Ints, Ints, Ints]:
+    """Return connection, receive stamp and place of the messages in a chunk, by its index."""
+    if _ENTRY.itemsize * sum(count for _, count in part.indexes.values()) > LARGEST_CHUNK:
+        raise DamagedData('its index is larger than a chunk may be')
+    held = [np.empty(0, _ENTRY)]
+    for start, count in part.indexes.values():
+        file.seek(start)
+        held.append(np.frombuffer(file.read(_ENTRY.itemsize * count), _ENTRY))
+    entries = np.concatenate(held)
+    order = np.argsort(entries['place'], kind='stable')
+    connections = np.repeat(np.array([*part.indexes], np.int64), [*map(len, held[1:])])
+    times = entries['sec'] * np.int64(1_000_000_000) + entries['nanosec']
+    return connections[order], times[order], entries['place'][order].astype(np.int64)
+
+
+def _lengths(buffer: bytes, places: Ints) -> Ints:
+    """Read a length at each place; raise DamagedData if one is beyond the end."""
+    if len(places) and places.max() > len(buffer) - 4:
+        raise DamagedData('its index names places beyond its end')
+    anywhere = np.ndarray((max(len(buffer) - 3, 0),), '<u4', buffer, 0, (1,))
+    return anywhere[places].astype(np.int64)

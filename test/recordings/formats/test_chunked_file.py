@@ -13,7 +13,6 @@ from mcap.writer import IndexType
 import numpy as np
 from processes import run
 import pytest
-from repeated import combined
 import zstandard
 
 MESSAGES = block(3000)
@@ -91,22 +90,14 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
     assert figures(remark.values['end']) == [100, places[4]]
 
 
-TINY = {
-    'messages of 20 connections': b''.join(
-        bags.ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
-        for number in range(7, 27)),
-    'connections': bags.ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
-    'others': bags.ros1_record(op=b'\4')}
-
-
 COMPRESS = {'lz4': lz4.frame.compress, 'bz2': bz2.compress}
 
 
-@pytest.mark.parametrize(('compression', 'tiny'), combined(
-    [*COMPRESS], [*TINY], everyday=zip(['lz4', 'bz2', 'lz4'], TINY, strict=True)))
-def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compression, tiny):
+@pytest.mark.parametrize('compression', COMPRESS)
+def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compression):
     path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
-    plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
+    tiny = bags.ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu')
+    plain = tiny * ((1 << 24) // len(tiny))
     packed = COMPRESS[compression](plain)
     chunk = bags.ros1_record(packed, op=b'\5', compression=compression.encode(),
                              size=struct.pack('<I', len(plain)))
