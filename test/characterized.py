@@ -57,17 +57,16 @@ def characterized(samples, rate_hz, thermometer=None):
     return one_axis(estimator, rate_hz, fits)
 
 
-def together(records, rate_hz, thermometers=None):
+def together(records, rate_hz):
     """Return the joint result of several records, and its warnings."""
     estimators = [taken_in(samples) for samples in records]
     return one_axis(estimators[0], rate_hz, joint_fits(
-        [one.finished() for one in estimators], 1 / rate_hz, thermometers))
+        [one.finished() for one in estimators], 1 / rate_hz))
 
 
-def joint_fits(records, dt, thermometers=None):
+def joint_fits(records, dt):
     """Fit the axis of several finished estimators at once, of those that have a fit."""
-    fits = [fit for one, heat in zip(records, thermometers or [None] * len(records), strict=True)
-            for fit in fit_axes(one, dt, heat) if fit is not None]
+    fits = [fit for one in records for fit in fit_axes(one, dt) if fit is not None]
     return [joint_fit(fits, dt) if fits else None]
 
 

@@ -83,8 +83,6 @@ def test_memory_and_cost_stay_as_samples_pile_up(ros, hours, speed, best_effort)
         ros.until(arrived, 7200)
         samples.append(health.number('reception', 'received'))
         cpu.append(node.scheduled_s())
-        print(f'{samples[-1]:12.0f} samples {memories[-1]:6.1f} MB {cpu[-1]:8.1f} s of CPU',
-              flush=True)
     assert simulator.wait() == 0
     # How many are lost at 25 times the rate depends on what else the computer does.
     assert health.number('reception', 'lost') <= (0.001 * total if best_effort else 0)

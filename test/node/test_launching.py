@@ -13,7 +13,7 @@ import re
 import signal
 import subprocess
 import sys
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -107,9 +107,7 @@ MODULES = {
 
 
 def described(name):
-    modules = {module: ModuleType(module) for module in MODULES}
-    for module, kinds in MODULES.items():
-        vars(modules[module]).update(kinds)
+    modules = {module: SimpleNamespace(**kinds) for module, kinds in MODULES.items()}
     spec = importlib.util.spec_from_file_location(name, ROOT / 'launch' / f'{name}.launch.py')
     file = importlib.util.module_from_spec(spec)
     with mock.patch.dict(sys.modules, modules):

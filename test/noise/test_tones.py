@@ -1,21 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
-from characterized import shown
-from imu_allan.noise.record.bins import bins_of
-from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.tones import find_lines, rises, split_lines
+from characterized import characterized, N
+from imu_allan.noise.tones import rises
 import numpy as np
 import pytest
 from scipy.signal import firwin, lfilter
 
-DT = 0.01
-
-
-def lines_of(samples):
-    sections = shown(samples).periodogram.sections()
-    bins = bins_of(sections, DT)
-    return find_lines(sections, bins, 0, DT, grouped(bins, 0))
+RATE = 100.0
 
 
 @pytest.mark.parametrize(('frequency', 'size', 'samples', 'error'), [
@@ -25,27 +17,27 @@ def lines_of(samples):
 @pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
 def test_a_sharp_line_is_found_with_its_amplitude(frequency, size, samples, error, unit):
     noise = np.random.default_rng(1 if samples == 8192 else 6).normal(size=samples)
-    tone = size * np.sin(2 * np.pi * frequency * np.arange(samples) * DT + 0.3)
-    [line], keep = lines_of(unit * (noise + tone))
-    assert line.frequency_hz == pytest.approx(frequency, abs=max(1 / (samples * DT), 0.01))
+    tone = size * np.sin(2 * np.pi * frequency * np.arange(samples) / RATE + 0.3)
+    axis, _ = characterized(unit * (noise + tone), RATE)
+    [line] = axis.tones
+    assert line.frequency_hz == pytest.approx(frequency, abs=max(RATE / samples, 0.01))
     assert line.amplitude == pytest.approx(unit * size, rel=error)
-    assert 0 < (~keep).mean() < 0.02
+    assert axis.coefficients[N].value == pytest.approx(0.1 * unit, rel=0.03)
 
 
 def test_the_power_of_eighty_lines_is_in_those_named_and_the_sums_of_the_others():
     rng = np.random.default_rng(1)
-    time = np.arange(360_000) * DT
+    time = np.arange(360_000) / RATE
     sizes = 0.1 * np.exp(rng.normal(0, 0.4, 80))
     samples = rng.normal(size=len(time))
     for frequency, size in zip(rng.uniform(0.6, 45.0, 80), sizes, strict=True):
         samples += size * np.sin(2 * np.pi * frequency * time + rng.uniform(0, 6))
-    lines, keep = lines_of(samples)
-    assert keep.mean() > 0.5
-    named, weaker = split_lines(lines)
-    assert len(named) == 32
+    axis, _ = characterized(samples, RATE)
+    assert axis.coefficients[N].value == pytest.approx(0.1, rel=0.03)
+    assert len(axis.tones) == 32
     # Neighbours closer than the resolution of a block are one.
-    assert len(lines) == 32 + sum(tone.lines for tone in weaker) == pytest.approx(80, abs=6)
-    power = sum(tone.amplitude**2 for tone in named + weaker)
+    assert 32 + sum(tone.lines for tone in axis.weaker_tones) == pytest.approx(80, abs=6)
+    power = sum(tone.amplitude**2 for tone in axis.tones + axis.weaker_tones)
     assert power == pytest.approx(sum(sizes**2), rel=0.1)
 
 
@@ -67,6 +59,5 @@ def test_what_rises_less_than_chance_allows_is_no_line(blocks, scale, height, ex
                                       firwin(255, 0.1), firwin(511, 0.4, window='boxcar')])
 def test_white_noise_and_side_lobes_of_a_filter_are_no_lines(response):
     noise = np.random.default_rng(4).normal(size=300_000)
-    lines, keep = lines_of(lfilter(response, 1, noise)[100:])
-    assert lines == []
-    assert keep.all()
+    axis, _ = characterized(lfilter(response, 1, noise)[100:], RATE)
+    assert axis.tones == axis.weaker_tones == ()

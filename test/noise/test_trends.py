@@ -246,8 +246,7 @@ def test_shares_of_steps_that_are_found_and_of_false_ones():
     false = sum(is_found(0.0, 0, seed, noise) for noise in NOISES for seed in range(200))
     rng = np.random.default_rng(1)
     found = [np.mean([is_found(size * FLICKER, int(rng.uniform(0.03, 0.97) * 72_000), 1000 + seed)
-                      for seed in range(40)]) for size in (3, 10, 30)]
-    print(f'false: {false} of {200 * len(NOISES)}; found of 3, 10, 30 B: {found}')
+                      for seed in range(40)]) for size in (10, 30)]
     assert false <= 3
-    assert found[1] > 0.9
-    assert found[2] > 0.95
+    assert found[0] > 0.9
+    assert found[1] > 0.95

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature beside an IMU, from every kind of recording that has one."""
 
-
 import re
 
 from bags import mcap_written, serialized

@@ -13,9 +13,9 @@ import pytest
 from whole_lines import refused
 
 
-def faulty(seed, count=12_000):
+def faulty(seed):
     """Give messages with every fault at once: drops, repeats, swaps, NaN, a gap, a knock."""
-    rng = np.random.default_rng(seed)
+    rng, count = np.random.default_rng(seed), 12_000
     block = still(count, seed=seed, late=rng.exponential(0.1, count))
     block.samples[rng.integers(0, count, 5), rng.integers(0, 6, 5)] = np.nan
     block.samples[count // 3:count // 3 + 5] += 0.5

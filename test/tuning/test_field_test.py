@@ -108,7 +108,6 @@ def test_factors_hold_for_numbers_stated_or_from_a_recording(fitted_min, terms, 
         found.append((covers(one.noise_ci95, right.noise_density / own.noise_density),
                       covers(one.random_walk_ci95, drift), one.random_walk_factor / drift))
     inside, off = np.mean(found, axis=0)[:2], np.median(found, axis=0)[2]
-    print(f'{terms}, {fitted_min} min: factors of N and K in their intervals {inside}; K {off:g}')
     assert np.all(inside > 0.89)
     # The lowest coefficients of stops of a minute hold a quarter less.
     assert fitted_min or off == pytest.approx(1, rel=0.05)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """rosbag2 directories: split, compressed, of all versions, incomplete, hostile."""
 
-
 import bags
 from bags import assert_same, block, IMU, read, refusal, write_db3, write_mcap, write_metadata
 from imu_allan import analyze

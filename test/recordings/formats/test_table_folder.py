@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder of tables, a sensor each, as phones record them."""
 
-
 from bags import no_axes, NO_TIME
 from characterized import AXES
 from imu_allan import analyze, TimelineOptions

@@ -24,9 +24,9 @@ def store_with(definitions: dict[str, str], serialization: str = 'cdr') -> Any:
     return store
 
 
-def full_definition(store: Any, type_name: str, ros_version: int = 2) -> str:
+def full_definition(store: Any, type_name: str) -> str:
     """Write the definition of a type and of those in it, as recorders do."""
-    text, _ = store.generate_msgdef(type_name, ros_version=ros_version)
+    text, _ = store.generate_msgdef(type_name, ros_version=2)
     return text
 
 
