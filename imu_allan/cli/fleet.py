@@ -79,17 +79,19 @@ def require_new(result: 'Result', unit: str, known: dict[tuple[float, ...], str]
 def in_one_line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
+    from imu_allan.verdict import verdicts
     from imu_allan.wording import duration, number, SENSORS
-    from imu_allan.writers.verdict import findings_line, VERDICT_TEXT, verdicts_of
+    from imu_allan.writers.verdict import findings_line, VERDICT_TEXT
 
-    parts, verdicts = [duration(result.timeline.duration_s)], verdicts_of(result)
+    parts, found_verdicts = [duration(result.timeline.duration_s)], verdicts(result)
     for sensor in SENSORS:
         found = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
                  if name.startswith(sensor)]
         values = [c.value for c in found if c.value is not None]
         if not found:
             continue
-        said = '' if verdicts[sensor].verdict == 'good' else VERDICT_TEXT[verdicts[sensor].verdict]
+        verdict = found_verdicts[sensor].verdict
+        said = '' if verdict == 'good' else VERDICT_TEXT[verdict]
         if values:
             worst, shown_unit = engineering(max(values), found[0].unit)
             parts.append(f'{sensor} N {number(worst)} {shown_unit}{said and f" ({said})"}')

@@ -59,13 +59,14 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.analysis import offset_progress
     from imu_allan.recordings import choose_topic, open_recording
     from imu_allan.writers.words import message_of
+    from rich.filesize import decimal
 
     most = 20   # each takes a pass over the whole recording
     with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
             choose_topic(recording)
         size = path.stat().st_size if path.is_file() else recording.size_bytes
-        print(f'{printable(recording.path)}  {_amount(size)}')
+        print(f'{printable(recording.path)}  {decimal(size)}')
         read = recording.topics[:most]
         total = recording.size_bytes * len(read)
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
@@ -249,12 +250,3 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks
                 if remark.code != 'motion')
     return rows
-
-
-def _amount(size_bytes: int) -> str:
-    size = float(size_bytes)
-    for unit in ('bytes', 'kB', 'MB'):
-        if size < 1000:
-            return f'{size:.3g} {unit}'
-        size /= 1000
-    return f'{size:.3g} GB'

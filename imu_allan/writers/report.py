@@ -20,13 +20,14 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result, Segment
 from imu_allan.sensor.units import engineering, typeset
+from imu_allan.verdict import verdicts as sensor_verdicts
 from imu_allan.version import __version__
 from imu_allan.writers import answer, charts
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.pages import rendered, text_of
-from imu_allan.writers.verdict import findings_line, verdict_lines, VERDICT_TEXT, verdicts_of
+from imu_allan.writers.verdict import findings_line, verdict_lines, VERDICT_TEXT
 from imu_allan.writers.words import for_display, message_of, title_of
 
 
@@ -46,7 +47,8 @@ def report_html(result: Result) -> str:
         'report.html', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
-        words={sensor: VERDICT_TEXT[one.verdict] for sensor, one in verdicts_of(result).items()},
+        words={sensor: VERDICT_TEXT[one.verdict]
+               for sensor, one in sensor_verdicts(result).items()},
         key_figures=found, remarks=remarks, remark_count=findings_line(result),
         allan=[*filter(None, allan)], charts=[*filter(None, drawn)],
         rest=wording.duration(timeline.rest_s),

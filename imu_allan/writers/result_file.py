@@ -57,13 +57,6 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
     result = schema.Result.from_dict(document, str(path))
     for name, axis in result.axes.items():
         _check_axis(axis, name, f'{path}.axes.{shorten(name)}')
-    for sensor, verdict in result.sensors.items():
-        densities = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
-                     if name.partition('_')[0] == sensor]
-        if not densities:
-            raise ImuAllanError(f'{path}.sensors.{shorten(sensor)}: the file has no axis of it')
-        if verdict.verdict == 'good' and not all(density.value for density in densities):
-            raise ImuAllanError(f'{path}.sensors.{sensor}: good, but an axis has no noise density')
     return result
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from imu_allan.finding import Finding
-from imu_allan.result import AxisResult, Result, SensorVerdict
+from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
@@ -21,11 +21,6 @@ COLUMNS = 80
 VERDICT_TEXT = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
 
 
-def verdicts_of(result: Result) -> dict[str, SensorVerdict]:
-    """Return the verdict on each sensor that a result has axes of, stored or newly derived."""
-    return {sensor: result.sensors.get(sensor, own) for sensor, own in verdicts(result).items()}
-
-
 def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     Return a line with the verdict on each sensor, based on its worst axis.
@@ -33,7 +28,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     Example: ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
     """
     lines = []
-    for sensor, verdict in verdicts_of(result).items():
+    for sensor, verdict in verdicts(result).items():
         axes = axes_of(result, sensor)
         title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':

@@ -55,9 +55,6 @@ def test_a_file_that_is_no_result_is_refused(tmp_path, content, complaint):
     ('axes.wheel', {}, 'axes.wheel: missing quantity, unit, mean, band_limit_s, tones, '
      'coefficients, goodness_of_fit, curve'),
     ('source.kind', 'dream', "source.kind: 'dream' is not one of recording, topic, datasheet"),
-    (DENSITY, {'symbol': 'N', 'unit': 'rad/s/sqrt(Hz)', 'observable': False, 'value': None,
-               'ci95': None, 'upper95': 1.0},
-     'sensors.gyro: good, but an axis has no noise density'),
     ('timeline.duration_s', -1.0, 'timeline.duration_s: expected zero or above')])
 def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, value, complaint):
     *parents, last = (int(key) if key.isdigit() else key for key in path.split('.'))
