@@ -83,6 +83,8 @@ def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_pat
     assert chosen == said(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
                           reason=chosen.values['reason'])
     assert {*result.temperature.mean} == {41.5}
+    assert [one.values for one in result.warnings if one.code == 'thermometer'] == [
+        {'fault': 'constant'}]
     assert [result.axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')
             ] == pytest.approx([1000, 2000])
     assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
