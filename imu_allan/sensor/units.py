@@ -8,6 +8,7 @@ own dimension here, so that ``0.03 1/s/sqrt(Hz)`` is not taken for an angular ra
 standard acceleration, not a gram.
 """
 
+import ast
 from functools import lru_cache
 from math import isfinite, pi
 import re
@@ -57,9 +58,6 @@ _UNITS: dict[str, _Size] = {
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
-# Exponents have one digit and no exponent of their own, so no text leads to an enormous power.
-_TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1(?=\s*/)|(?<=/)\d{1,9}(?:\.\d{1,9})?)|([*/()](?!\*))'
-                    r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
@@ -126,17 +124,15 @@ def _factor(unit: str, to: str) -> float | None:
     try:
         size, powers = _size(unit)
         to_size, to_powers = _size(to)
-    except (_NotAUnit, ArithmeticError):
+    except (ValueError, SyntaxError, ArithmeticError):
         return None
     return size / to_size if powers == to_powers else None
 
 
-class _NotAUnit(ValueError):
-    """Raised for text that is not a unit of this module."""
-
-
 def _size(text: str) -> _Size:
     """Return the size of a unit in SI, and its powers of angle, length, time and temperature."""
+    if len(text) > _LONGEST:
+        raise ValueError('too long for a unit')
     spellings = (
         ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
     )
@@ -144,57 +140,36 @@ def _size(text: str) -> _Size:
         text = text.replace(sign, spelling)
     text = re.sub(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
                   lambda m: f'({m[1] or m[2]})^0.5', text).strip()
-    if len(text) > _LONGEST:
-        raise _NotAUnit(text)
-    tokens: list[tuple[str, ...]] = []
-    place = 0
-    while place < len(text):
-        match = _TOKEN.match(text, place)
-        if match is None:
-            raise _NotAUnit(text)
-        tokens.append(match.groups(''))
-        place = match.end()
-    size, rest = _product(tokens)
-    if rest:
-        raise _NotAUnit(text)
-    return size
+    # Two units side by side are multiplied. The rest has the syntax of Python.
+    text = re.sub(r'(?<=[\w)])\s*(?=\()|(?<=\))\s*(?=[A-Za-z])|(?<=\w)\s+(?=[A-Za-z])', '*', text)
+    return _size_of(ast.parse(text.replace('^', '**'), mode='eval').body)
 
 
-def _product(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
-    """Read factors up to a closing parenthesis or the end; also return what follows them."""
-    size, tokens = _power(tokens)
-    while tokens and tokens[0][2] != ')':
-        sign = tokens[0][2]
-        # Two units side by side are multiplied.
-        other, tokens = _power(tokens[1:] if sign in ('*', '/') else tokens)
-        exponent = -1.0 if sign == '/' else 1.0
-        size = (size[0] * other[0]**exponent,
-                tuple(a + exponent * b for a, b in zip(size[1], other[1], strict=True)))
-    return size, tokens
-
-
-def _power(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
-    if not tokens:
-        raise _NotAUnit
-    (name, one, sign, _), tokens = tokens[0], tokens[1:]
-    size: _Size = (1.0, (0.0, 0.0, 0.0, 0.0))
-    if sign == '(':
-        size, tokens = _product(tokens)
-        if not tokens:
-            raise _NotAUnit
-        tokens = tokens[1:]
-    elif name:
-        size = _named(name)
-    elif one:
-        # Counts in a unit: g/16384.
-        size = float(one), size[1]
-    else:
-        raise _NotAUnit
-    if tokens and tokens[0][3]:
-        exponent = float(tokens[0][3])
-        size = size[0]**exponent, tuple(exponent * power for power in size[1])
-        tokens = tokens[1:]
-    return size, tokens
+def _size_of(node: ast.expr) -> _Size:
+    """Return the size and the powers of a part of a unit."""
+    match node:
+        case ast.Name(name):
+            return _named(name)
+        case ast.BinOp(base, ast.Pow(), power):
+            exponent = ast.literal_eval(power)
+            # No text leads to an enormous power.
+            if isinstance(exponent, (int, float)) and abs(exponent) < 10:
+                size, powers = _size_of(base)
+                return size**float(exponent), tuple(exponent * power for power in powers)
+        case ast.BinOp(ast.Constant(1), ast.Div(), right):
+            size, powers = _size_of(right)
+            return size**-1.0, tuple(-power for power in powers)
+        case ast.BinOp(left, ast.Div(), ast.Constant(int() | float() as count)):
+            # Counts in a unit: g/16384.
+            size, powers = _size_of(left)
+            return size * float(count)**-1.0, powers
+        case ast.BinOp(left, ast.Mult() | ast.Div() as sign, right):
+            exponent = -1.0 if isinstance(sign, ast.Div) else 1.0
+            size, powers = _size_of(left)
+            other, its_powers = _size_of(right)
+            return size * other**exponent, tuple(
+                a + exponent * b for a, b in zip(powers, its_powers, strict=True))
+    raise ValueError('not a unit')
 
 
 def _named(name: str) -> _Size:
@@ -205,4 +180,4 @@ def _named(name: str) -> _Size:
         if name.startswith(prefix) and name[len(prefix):] in _UNITS:
             size, powers = _UNITS[name[len(prefix):]]
             return factor * size, powers
-    raise _NotAUnit(name)
+    raise ValueError(f'{name} is not a unit')
