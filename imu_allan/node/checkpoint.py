@@ -88,18 +88,12 @@ class StateFile:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         try:
             self.path = resolved(at_home(path, 'state_file'))
-        except OSError as error:
-            raise ImuAllanError(f'state_file {path}: cannot be used ({error.strerror}); choose '
-                                'another folder') from error
-        if self.path.is_dir():
-            raise ImuAllanError(f'state_file {path}: is a folder; name a file in it')
-        if self.path.exists() and not self.path.is_file():
-            raise ImuAllanError(f'state_file {path}: is a device, a pipe or a socket; name a '
-                                'regular file, or one that is not there yet')
-        lock = self.path.with_name(self.path.name + '.lock')
-        try:
+            if self.path.exists() and not self.path.is_file():
+                raise ImuAllanError(f'state_file {path}: is a folder, a device or a pipe; name a '
+                                    'regular file, or one that is not there yet')
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = _open_plain(lock, os.O_RDWR | os.O_CREAT)
+            self._lock = _open_plain(self.path.with_name(f'{self.path.name}.lock'),
+                                     os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
                                 'choose a folder that may be written to') from error
@@ -109,7 +103,6 @@ class StateFile:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
                                 'a file of its own') from error
-        self._in_the_way = ''
         self._sweep_up()
 
     def close(self) -> None:
@@ -161,13 +154,7 @@ class StateFile:
 
     def save(self, state: State) -> None:
         """Replace the saved state."""
-        if self._in_the_way:
-            raise ImuAllanError(self._in_the_way)
-        data = encode_state(state)
-        if len(data) > _LARGEST_BYTES:
-            raise ImuAllanError(f'{self.path}: a state of {len(data):,} bytes could not be '
-                                'resumed from, so it is not written; the one before it stays')
-        write_atomically(self.path, data, private=True)
+        write_atomically(self.path, encode_state(state), private=True)
 
     def keep_aside(self, reason: str) -> Path:
         """Rename the saved state so that a new run cannot overwrite it, and return its path."""
@@ -177,7 +164,6 @@ class StateFile:
             with contextlib.suppress(FileNotFoundError):
                 self.path.rename(aside)
         except OSError as error:
-            self._in_the_way = (f'{self.path}: cannot be renamed ({error.strerror}); move it '
-                                'away or choose another state_file')
-            raise ImuAllanError(self._in_the_way) from error
+            raise ImuAllanError(f'{self.path}: cannot be renamed ({error.strerror}); move it '
+                                'away or choose another state_file') from error
         return aside

@@ -16,7 +16,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
-from imu_allan.tuning.forecast import FORECAST_S, predicted_drift, VAGUE
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration, SENSORS
 from imu_allan.writers.words import message_of, of_axis
@@ -145,7 +144,7 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
             # The number of lines matters only for weaker tones, which are sums of lines.
             entries |= {f'{kind}/{i}/{key}': value for key, value in asdict(tone).items()
                         if key != 'lines' or kind == 'weaker_tones'}
-    return key_values({**entries, **_forecast_values(axis), **remark_values(remarks)})
+    return key_values({**entries, **remark_values(remarks)})
 
 
 def _with_interval(name: str, value: float | None, ci95: tuple[float, float] | None, unit: str
@@ -164,25 +163,6 @@ def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
         values[f'remarks/{code}' + (f'/{again + 1}' if again else '')] = message_of(
             remark, live=True)
     return values
-
-
-def _forecast_values(axis: AxisResult) -> dict[str, object]:
-    """Predict the unaided drift after a minute at rest, where the record is not too short."""
-    if axis.drift_model is None:
-        return {}
-    found = predicted_drift(axis, FORECAST_S)
-    entries: dict[str, object] = {'predicted_drift/calibration_s': found.calibration_s,
-                                  'predicted_drift/known_to_s': found.known_to_s}
-    parts = [('angle', 'rad', found.integral, found.integral_ci95)]
-    if found.position is not None and found.position_ci95 is not None:
-        parts = [('velocity', 'm/s', found.integral, found.integral_ci95),
-                 ('position', 'm', found.position, found.position_ci95)]
-    for what, unit, sigmas, bands in parts:
-        for horizon, sigma, band in zip(found.horizons_s, sigmas, bands, strict=True):
-            if band[1] <= VAGUE**2 * band[0]:
-                entries |= _with_interval(f'predicted_drift/{horizon:g}s/{what}', sigma, band,
-                                          unit)
-    return entries
 
 
 def key_values(entries: Mapping[str, object]) -> list[KeyValue]:

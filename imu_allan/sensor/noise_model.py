@@ -24,7 +24,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, Quantity, TERMS
 from imu_allan.result import GaussMarkov
 from imu_allan.sensor.units import parse
@@ -133,7 +133,7 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
         elif key in sensors:
             _read_sensor(model, key, value, f'{name}: {key}')
         else:
-            raise ImuAllanError(f'{name}: unknown key {_shown(key)}; '
+            raise ImuAllanError(f'{name}: unknown key {shorten(repr(key), 60)}; '
                                 f'known are name, {", ".join(sensors)}')
     return model
 
@@ -194,7 +194,8 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
         else:
             others = (limit for limit, units in LIMITS.items() if quantity in units)
             known = ', '.join((*TERMS, 'gauss_markov', 'mean', *others, 'x', 'y', 'z'))
-            raise ImuAllanError(f'{where}: unknown key {_shown(written)}; known are {known}')
+            raise ImuAllanError(f'{where}: unknown key {shorten(repr(written), 60)}; '
+                                f'known are {known}')
 
 
 def _key(written: str, quantity: Quantity) -> str:
@@ -224,8 +225,8 @@ def _value(text: Any, unit: str, where: str, *, signed: bool = False) -> float:
     except ImuAllanError as error:
         raise ImuAllanError(f'{where}: {error}') from error
     if value < 0 and not signed:
-        raise ImuAllanError(f'{where}: {_shown(text)} is negative; a noise coefficient is '
-                            'zero or greater')
+        raise ImuAllanError(f'{where}: {text!r} is negative; a noise coefficient is zero or '
+                            'greater')
     return value
 
 
@@ -236,8 +237,3 @@ def _mapping(value: Any, where: str) -> dict[str, Any]:
         raise ImuAllanError(f'{where}: expected keys with values, such as '
                             f'{{noise_density: {example}}}')
     return value
-
-
-def _shown(text: object) -> str:
-    shown = repr(text)
-    return shown if len(shown) <= 60 else shown[:60] + '...'
