@@ -15,7 +15,7 @@ from heapq import merge
 from itertools import repeat
 from os import PathLike
 from pathlib import Path
-from typing import Literal, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from imu_allan.arguments import positive_time, shown
 from imu_allan.block import ImuBlock
@@ -48,7 +48,7 @@ class Choice:
     topic: str | None = None
     options: TimelineOptions = TimelineOptions()  # noqa: RUF009
     reading: RecordingOptions = RecordingOptions()  # noqa: RUF009
-    start_s: float | Literal['auto'] = 0.0
+    start_s: float = 0.0
     duration_s: float | None = None
 
     def opened(self, path: AnyPath) -> Recording:
@@ -99,8 +99,8 @@ class Taken:
 def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
             options: TimelineOptions = TimelineOptions(),  # noqa: B008
             reading: RecordingOptions = RecordingOptions(),  # noqa: B008
-            start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None,
-            progress: Progress = None) -> Result:
+            start_s: float = 0.0, duration_s: float | None = None, progress: Progress = None
+            ) -> Result:
     """
     Characterize the IMU of a recording, or one IMU from several recordings.
 
@@ -116,9 +116,8 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
         Clock, rate, gaps and motion.
     reading : RecordingOptions, optional
         Definitions, fields, units and topics that the messages themselves leave open.
-    start_s : float or 'auto', optional
-        Seconds after the first message at which to begin; 'auto' leaves out a warm-up. If there is
-        one, the recording is read twice.
+    start_s : float, optional
+        Seconds after the first message at which to begin.
     duration_s : float, optional
         Seconds to use from there; all by default.
     progress : callable, optional
@@ -144,7 +143,7 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
                               ('reading', reading, RecordingOptions)):
         if not isinstance(value, kind):
             raise TypeError(f'{name} must be of type {kind.__name__}, not {shown(value)}')
-    if start_s not in ('auto', 0):
+    if start_s != 0:
         positive_time('start_s', start_s)
     if duration_s is not None:
         positive_time('duration_s', duration_s)
@@ -157,11 +156,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
     if isinstance(path, (str, PathLike)):
         # Taken first: if the file is written to meanwhile, it is another recording.
         files = files_digest(Path(path))
-        result = (_warmed_up if choice.start_s == 'auto' else _alone)(
-            path, choice, progress, recording)
-    elif choice.start_s == 'auto':
-        raise ImuAllanError('--start auto finds the warm-up of one recording; for several '
-                            'give the time to leave out, such as --start 10min')
+        result = _alone(path, choice, progress, recording)
     else:
         files = None
         result = _together(path, choice, progress)
@@ -185,23 +180,6 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
             raise ImuAllanError(f'{one.characterization.place}: no usable sample{advice}')
         results.append(result)
     return _as_one(taken, results)
-
-
-def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
-               ) -> Result:
-    """Analyze a recording and, if it has a warm-up, analyze it again without the warm-up."""
-    cold = _alone(path, replace(choice, start_s=0.0), progress, recording)
-    from imu_allan.characterization.findings import start_of, start_remark, steady_of
-    length = cold.timeline.duration_s
-    steady = [steady_of(axis) for axis in cold.axes.values()]
-    # A warm-up longer than half of the recording cannot be left out; shorter ones can.
-    longest_s = max(steady)
-    start_s = start_of(steady, length)
-    if start_s <= 0:
-        return replace(cold, warnings=(start_remark(longest_s, length), *cold.warnings))
-    left = None if choice.duration_s is None else max(choice.duration_s - start_s, 0.0)
-    warm = _alone(path, replace(choice, start_s=start_s, duration_s=left), None, recording)
-    return replace(warm, warnings=(start_remark(start_s, length, longest_s), *warm.warnings))
 
 
 def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:
@@ -335,7 +313,6 @@ def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
           shortfall: list[Finding]) -> Iterable[ImuBlock]:
     """Return the chosen part; if less was recorded, add a finding to `shortfall`."""
     start_s, duration_s = choice.start_s, choice.duration_s
-    assert start_s != 'auto'
 
     def ended(recorded_s: float, part_s: float) -> None:
         if part_s < 0:

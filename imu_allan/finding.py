@@ -76,7 +76,7 @@ CODES: Mapping[str, Code] = {
         interval_s=Seconds | None, half_s=Seconds | None),
     'warm_up': _act(
         amplitude=InUnit, unit=Text, time_constant_s=Seconds, time_constant_factor=Number | None,
-        exponentials=Count, steady_after_s=Seconds, start=Text | None, start_s=Seconds | None),
+        exponentials=Count, steady_after_s=Seconds, start_s=Seconds | None),
     # the data may not be what it is taken for
     'several_publishers': _act(),
     'alternating': _act(),
@@ -134,7 +134,6 @@ CODES: Mapping[str, Code] = {
     'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text, half_rate=Flag),
     'turn_on_bias': _know(sigma=InUnit, sigma_low=InUnit, sigma_high=InUnit, unit=Text),
     # how the data was treated
-    'start_auto': _know(warm_up_s=Seconds, left_out=Flag, longest_s=Seconds | None),
     'motion': _know(count=Count, excluded_s=Seconds),
     'rest_within_motion': _know(
         share=Share, rest_s=Seconds, rests=Count, starts_s=tuple[Seconds, ...],

@@ -32,27 +32,16 @@ def written(tmp_path):
     return write
 
 
-def test_start_auto_leaves_out_the_warm_up(written):
+def test_the_start_that_is_advised_leaves_out_the_warm_up(written):
     path = written(0.02 * np.exp(-TIME / 500))
-    cold, warm = analyze(path), analyze(path, start_s='auto')
-    [said] = [one.values for one in warm.warnings if one.code == 'start_auto']
-    assert said['left_out']
-    assert 1200 <= said['warm_up_s'] <= 3000
+    cold = analyze(path)
+    [said] = [one.values for one in cold.warnings if one.code == 'warm_up']
+    assert 1200 <= said['start_s'] <= 3000
+    warm = analyze(path, start_s=said['start_s'])
     assert cold.axes['gyro_x'].trend.warm_up is not None
     assert warm.axes['gyro_x'].trend.warm_up is None
     assert 3000 < warm.timeline.duration_s < 6000
     assert not warm.axes['gyro_x'].coefficients['rate_random_walk'].observable
-
-
-def test_start_auto_leaves_nothing_out_where_nothing_settles_and_is_for_one_recording(written):
-    path = written()
-    result = analyze(path, start_s='auto')
-    [said] = [one.values for one in result.warnings if one.code == 'start_auto']
-    assert not said['warm_up_s']
-    assert result.timeline.duration_s == pytest.approx(7200, abs=1)
-    with refused('--start auto finds the warm-up of one recording; for several give the time to '
-                 'leave out, such as --start 10min'):
-        analyze([path, path], start_s='auto')
 
 
 @pytest.mark.parametrize(('first', 'other'), [

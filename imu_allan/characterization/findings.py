@@ -3,7 +3,7 @@
 """Findings about the noise, in one module because they are read together."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from math import ceil, exp, isfinite, isinf, log
+from math import exp, isfinite, isinf, log
 from typing import Any
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
@@ -151,24 +151,6 @@ def steady_of(axis: AxisResult) -> float:
     return steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
 
 
-def is_worth_cutting(start_s: float, length_s: float) -> bool:
-    """Return whether a record is long enough to omit its beginning."""
-    return start_s <= length_s / 2
-
-
-def start_of(steady_s: Sequence[float], length_s: float) -> float:
-    """Return the latest end of a warm-up that a record is long enough to omit, or 0."""
-    return max((time for time in steady_s if time > 0 and is_worth_cutting(time, length_s)),
-               default=0.0)
-
-
-def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Finding:
-    """Report the start that was chosen; `longest_s` is the longest warm-up of an axis."""
-    return finding('start_auto', warm_up_s=max(start_s, 0.0),
-                   left_out=start_s > 0 and is_worth_cutting(start_s, length_s),
-                   longest_s=longest_s if longest_s > start_s else None)
-
-
 def thermometer_remarks(seen: Temperature) -> list[Finding]:
     """Report what is wrong with the readings of a thermometer."""
     if seen.series is None and seen.covered < COVERED:
@@ -214,24 +196,18 @@ def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
     return remarks
 
 
-def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float, *,
-               several: bool = False) -> list[Finding]:
+def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float
+               ) -> list[Finding]:
     """
     Add to findings of a warm-up the start that leaves it out.
 
     `found`: findings of all axes. `axes`: their fits. `length_s`: duration of the recording, or of
-    the shortest of several. `several`: whether the axes come from several recordings, for which no
-    start is chosen. Returns: `start` of a warm-up is what ``--start`` should be, None if the
-    recording is too short.
+    the shortest of several. Returns: `start_s` of a warm-up is what ``--start`` should be, the
+    latest end of a warm-up within the first half; None if there is none.
     """
-    steady = [time for axis in axes.values() if (time := steady_of(axis)) > 0]
-    longest_s, start_s = max(steady, default=0.0), start_of(steady, length_s)
-    if several:
-        start = f'{ceil(longest_s / 60)}min' if 0 < longest_s < length_s else None
-    else:
-        start = 'auto' if start_s > 0 else None
-    return [one.with_values(start=start, start_s=start_s or None) if one.code == 'warm_up'
-            else one for one in found]
+    ends = [steady_of(axis) for axis in axes.values()]
+    start_s = max((end for end in ends if 0 < end <= length_s / 2), default=None)
+    return [one.with_values(start_s=start_s) if one.code == 'warm_up' else one for one in found]
 
 
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,

@@ -116,8 +116,8 @@ def joint_result(recordings: Sequence[Characterization],
                    sigma_high=found.ci95[1], unit=axes[name].unit)
            for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0),
          *_of_each(parts, axes),
-         *with_start(remarks_of_axes, axes, min(part.result.timeline.duration_s for part in parts),
-                     several=True),
+         *with_start(remarks_of_axes, axes, min(
+             part.result.timeline.duration_s for part in parts)),
          *tone_findings(axes, rate), *length_remarks(axes, summary)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,

@@ -8,7 +8,7 @@ import math
 import os
 from pathlib import Path
 import re
-from typing import Any, Literal, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from imu_allan.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.errors import ImuAllanError, printable
@@ -74,11 +74,6 @@ def moment(text: str) -> float:
     if value > LONGEST_S:
         raise argparse.ArgumentTypeError(f'{text} is more than a hundred years')
     return value
-
-
-def start(text: str) -> float | Literal['auto']:
-    """Read a time as `moment` does, or the word auto."""
-    return 'auto' if text.strip() == 'auto' else moment(text)
 
 
 def count(text: str) -> int:

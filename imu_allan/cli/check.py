@@ -72,8 +72,6 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.recordings import recordings_in
     from imu_allan.wording import counted
 
-    if args.live and args.start == 'auto':
-        args.parser.error('--start auto looks at the whole recording; with --live name a time')
     specification, choice = arguments.specification_of(args.spec), choice_of(args)
     sources = [str(path) for path in recordings_in(args.source, choice.reading)]
     unit = arguments.inspection_of(args)

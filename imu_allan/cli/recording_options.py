@@ -10,7 +10,7 @@ verb that characterizes takes both.
 import argparse
 from typing import TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration, rate, start
+from imu_allan.cli.arguments import duration, moment, rate
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
@@ -60,9 +60,8 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
                              'samples and needs --rate')
     parser.add_argument('--force-rate', action='store_const', const='none', dest='clock',
                         help=argparse.SUPPRESS)
-    parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
-                        help='leave out the beginning (10 or 10s, 5min, 2h), or the warm-up '
-                             '(auto)')
+    parser.add_argument('--start', metavar='TIME', type=moment, default=0.0,
+                        help='leave out the beginning (10 or 10s, 5min, 2h)')
     parser.add_argument('--duration', metavar='TIME', type=duration,
                         help='use only as much (30min, 3h)')
     parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',

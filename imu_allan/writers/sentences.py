@@ -10,6 +10,7 @@ lowest to highest.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 from imu_allan.noise.terms import TERMS
@@ -146,10 +147,11 @@ def _warm_up(f: Any) -> str:
 
 def _warm_up_do(f: Any) -> str:
     have = 'numbers for a filter include it'
-    if 'start' not in f:
+    if 'start_s' not in f:
         return f'{have}; the recording is too short to leave it out: let the sensor warm up first'
-    begins = f' (after {_time(f.start_s)})' if f.start == 'auto' else ''
-    return f'{have}; leave it out with --start {f.start}{begins}'
+    start_s = _most(f.start_s)
+    start = f'{ceil(start_s / 60)}min' if start_s > 600 else f'{ceil(start_s)}s'
+    return f'{have}; leave it out with --start {start}'
 
 
 def _rate_changed(f: Any) -> str:
@@ -272,16 +274,6 @@ def _temperature(f: Any) -> str:
             f'{_least(f.per_kelvin_low):.3g} to {_most(f.per_kelvin_high):.3g})'
             f'{", and not in proportion to it" if f.curved else ""}. It was '
             f'{_least(f.lowest_c):.1f} to {_most(f.highest_c):.1f} degrees Celsius{lags}')
-
-
-def _start_auto(f: Any) -> str:
-    if not f.warm_up_s:
-        return 'no warm-up was found: the recording is used from its beginning'
-    if not f.left_out:
-        return (f'the warm-up takes {_time(f.warm_up_s)}, more than half of the recording: '
-                'nothing is left out')
-    longest = f'; one axis takes {_time(f.longest_s)}' if 'longest_s' in f else ''
-    return f'the first {_time(f.warm_up_s)} were left out: the sensor warmed up{longest}'
 
 
 def _rest_within_motion(f: Any) -> str:
@@ -446,7 +438,7 @@ WORDS: Mapping[str, Words] = {
         says=_warm_up,
         do=_warm_up_do,
         live='call ~/reset when it is over',
-        general='leave it out with --start auto, or let the sensor warm up first',
+        general='leave it out with --start, or let the sensor warm up first',
         brief=lambda f: f'it is steady only after about {about(_most(f.steady_after_s))}'),
     # whose messages are these
     'several_publishers': Words(
@@ -673,13 +665,6 @@ WORDS: Mapping[str, Words] = {
                        f'{_in_unit(f.sigma, f.unit)} beyond what it drifts in one '
                        f'({_in_unit(f.sigma_low, f.unit)} to {_in_unit(f.sigma_high, f.unit)})'),
     # what was done about it
-    'start_auto': Words(
-        'start', 'What --start auto has come to.',
-        'The warm-up of each axis says when it ends.',
-        says=_start_auto,
-        do=lambda f: 'record for longer, or switch on earlier' if f.warm_up_s and not f.left_out
-        else '',
-        general='where the warm-up takes more than half of it, record for longer'),
     'motion': Words(
         'motion', 'Motion and knocks are left out.',
         'The noise rises for a moment.',

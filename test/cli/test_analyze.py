@@ -91,8 +91,8 @@ def test_all_topics_are_analyzed_as_each_alone(two_topics, tmp_path, output_of, 
                    '--topic or use --output DIR', 'analyze', two_topics, '--all-topics', *option)
     assert not Path('r.json').exists()
     output = tmp_path / 'deep' / 'output'
-    shown = output_of('analyze', two_topics, '--all-topics', '--output', output, '--jobs', '2',
-                      '--start', 'auto').splitlines()
+    shown = output_of('analyze', two_topics, '--all-topics', '--output', output, '--jobs', '2'
+                      ).splitlines()
     assert {*shown} > {'3,000 samples at 100 Hz, 30 s', '3,000 samples at 50 Hz, 60 s',
                        '2 units, not compared: topics may be of different models'}
     assert sorted(path.suffix for path in output.iterdir() if path.is_file()) == [
@@ -101,7 +101,7 @@ def test_all_topics_are_analyzed_as_each_alone(two_topics, tmp_path, output_of, 
     assert list((tmp_path / 'deep').iterdir()) == [output]
     for topic in ('/../up', '/front/imu'):
         folder = output / f'two_{topic[1:].replace("/", "_")}'
-        output_of('analyze', two_topics, '--topic', topic, '--start', 'auto', '--json',
+        output_of('analyze', two_topics, '--topic', topic, '--json',
                   tmp_path / 'alone.json')
         assert (folder / 'result.json').read_text() == (tmp_path / 'alone.json').read_text()
 

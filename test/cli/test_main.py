@@ -91,8 +91,6 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     ('check r.json', 'the following arguments are required: --spec'),
     ('check bag --spec x --meta colour=red', "argument --meta: 'colour=red' is not of the form "
      'KEY=VALUE with a KEY of serial, operator, station'),
-    ('check bag --spec x --live --start auto',
-     '--start auto looks at the whole recording; with --live name a time'),
     ('report r.json --format bmp', "argument --format: 'bmp' is not one of png, svg, pdf"),
     # A line break within a number.
     ('analyze bag --rate 1\\n2', NO_RATE.format('1\\n2')),
