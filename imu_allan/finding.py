@@ -120,10 +120,7 @@ CODES: Mapping[str, Code] = {
         fault=Literal['short', 'constant', 'coarse', 'gaps', 'unread'], covered_share=Share | None,
         step_k=Kelvin | None, range_k=Kelvin | None, gaps=Count | None, reason=Text | None),
     'trend_or_walk': _know(),
-    'power_law': _know(
-        exponent=Number | None, exponent_low=Number | None, exponent_high=Number | None,
-        recordings=tuple[Text, ...] | None, exponents=tuple[Number | None, ...] | None,
-        density_is_mean=Flag | None),
+    'power_law': _know(exponent=Number, exponent_low=Number, exponent_high=Number),
     'band_limited': _know(edge_hz=Hertz | None, window_s=Seconds | None),
     'gauss_markov': _know(sigma=InUnit, unit=Text, correlation_time_s=Seconds),
     'temperature': _know(

@@ -5,9 +5,8 @@ Several recordings of one IMU as one result.
 
 The coefficients are those of the joint likelihood. The result also shows what one recording
 cannot: by how much the mean differs between power-ons, and coefficients between recordings beyond
-their errors. Recordings that cannot be one series of measurements (another rate, frame, axes or
-filter) are rejected; contradictions are reported. This is one module because every step compares
-the parts.
+their errors. Recordings of another rate, frame or axes cannot be one series of measurements and are
+rejected; contradictions are reported. This is one module because every step compares the parts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,14 +29,7 @@ from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
-from imu_allan.noise.uncertainty import (
-    densities_of,
-    exponents_differ,
-    leaked_share,
-    widened,
-    widened_interval,
-    with_own_exponents,
-)
+from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
 from imu_allan.result import (
     AxisResult,
     RecordingPart,
@@ -88,13 +80,6 @@ def joint_result(recordings: Sequence[Characterization],
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
-    for name, (axis, own) in fitted.items():
-        singles = {part.path: part.result.axes[name] for part in parts
-                   if part.result.axes[name].spectrum is not None}
-        if exponents_differ(axis, list(singles.values())):
-            fitted[name] = with_own_exponents(axis, list(singles.values())), [
-                remark_on_exponents(singles), *(remark for remark in own if remark.code not in (
-                    'power_law', 'gauss_markov', 'band_limited'))]
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
     axes = {name: widened(widened(
         replace(_with_faults(_with_spread(axis, name, parts), name, parts),
@@ -144,55 +129,6 @@ def _agree(parts: Sequence[_Part]) -> None:
             raise ImuAllanError(f'{part.path}: axes {", ".join(part.record.names)}, but '
                                 f'{", ".join(first.record.names)} in {first.path}; analyze them '
                                 'apart')
-        for name in first.record.names:
-            _same_band(first, part, name)
-    for name in first.record.names:
-        _same_slow_end(parts, name)
-
-
-def _same_band(first: _Part, part: _Part, name: str) -> None:
-    """Reject recordings with different low-pass filters, which change the white noise."""
-    axes = first.result.axes[name], part.result.axes[name]
-    if any(axis.power_law is not None for axis in axes) \
-            and all(axis.band_limit_s is None and axis.band_edge_hz is None for axis in axes):
-        # Slow noise that reaches this far also lowers the ratio at the fast end.
-        return
-    one, other = _fast_end(axes[0], first.record.rate_hz), _fast_end(axes[1], part.record.rate_hz)
-    if one is None or other is None:
-        return
-    (a, error_a), (b, error_b) = one, other
-    # A larger difference at the fast end, beyond its error, means another filter.
-    if abs(log(b / a)) > 0.2 + 4 * sqrt(error_a**2 + error_b**2):
-        raise ImuAllanError(
-            f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
-            f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')
-
-
-def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
-    """Reject recordings if a filter has removed the slow part of only some of them."""
-    # Recordings without a fit, too short or constant, are not in the joint likelihood.
-    fitted = [part for part in parts if part.result.axes[name].spectrum is not None]
-    filtered = [part for part in fitted if part.result.axes[name].high_passed_hz is not None]
-    raw = next((part for part in fitted if part not in filtered), None)
-    if filtered and raw is not None:
-        raise ImuAllanError(
-            f'{filtered[0].path}: a filter has taken out the slow part of {name}, which is not '
-            f'certain in {raw.path}; analyze the raw topic of each')
-
-
-def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
-    """Return the density of the fastest octave over that three octaves below, and its error."""
-    if axis.spectrum is None:
-        return None
-    frequency, psd = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
-    means = []
-    for top in (rate_hz / 2, rate_hz / 16):
-        band = psd[(frequency > top / 2) & (frequency <= top)]
-        # The median ignores a line in one of the bands.
-        if len(band) < 4 or (middle := float(np.median(band))) <= 0:
-            return None
-        means.append((middle, float(np.std(band)) / middle / sqrt(len(band))))
-    return means[0][0] / means[1][0], sqrt(means[0][1]**2 + means[1][1]**2)
 
 
 # ------------------------------------------------------------------- combination of the recordings
@@ -230,17 +166,6 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     return replace(axis, stood_still=still,
                    saturated=max((own.saturated for own in each if own.saturated is not None),
                                  key=lambda end: end.share, default=axis.saturated))
-
-
-def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
-    """
-    Report the slow noise of an axis in each recording.
-
-    `singles`: the axis in each recording that has a fit.
-    """
-    return finding('power_law', recordings=list(singles), exponents=[
-        None if axis.power_law is None else axis.power_law.exponent for axis in singles.values()],
-        density_is_mean=bool(densities_of(singles.values())))
 
 
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:

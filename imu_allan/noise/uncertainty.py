@@ -5,28 +5,24 @@ Sources of uncertainty of the coefficients of an axis that its posterior does no
 
 The measured curve limits the noise at the slow end, and shows where a model deviates from it. A
 sensor that was rotated shows spurious slow terms, and undetected sample loss changes the noise
-density. Recordings of one axis may scatter more than their intervals allow, or have slow noise of
-different exponents.
+density. Recordings of one axis may scatter more than their intervals allow.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import exp, inf, log, sqrt
 
 from imu_allan.arrays import Array
-from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import interval, Octaves
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.posterior.shapes import taken_by_mean
-from imu_allan.noise.terms import power_law_avar, SLOW_TERMS, SPECTRAL_TERMS, TERMS
-from imu_allan.result import AxisResult, Coefficient, Curve, GoodnessOfFit, Interval, PowerLaw
+from imu_allan.noise.terms import SLOW_TERMS, TERMS
+from imu_allan.result import AxisResult, Coefficient, Curve
 import numpy as np
 
 CERTAIN = 0.9998
 """Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""
-_CHANCE = 1e-3
-"""Significance level of the test of equal exponents."""
 
 
 def as_bound(found: Coefficient, upper95: float | None) -> Coefficient:
@@ -133,87 +129,3 @@ def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 
         far = sqrt(far**2 + NORMAL95**2 * variance) if variance else factor * far
         ends.append(found.value * exp(sign * far))
     return replace(found, ci95=(ends[0], ends[1]))
-
-
-def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
-    """
-    Return whether the recordings of an axis contradict a common exponent of slow noise.
-
-    `joint`: fit of all recordings together. `singles`: fits of the single recordings. Returns:
-    False if no recording has an exponent other than that of flicker. Otherwise True if the joint
-    fit has none, or if one differs from that of the joint fit. Also True if a recording without
-    one shows flicker or a curve below the joint law; others are too short to contradict.
-    """
-    laws = [axis.power_law for axis in singles if axis.power_law is not None]
-    if not laws:
-        return False
-    if joint.power_law is None or any(
-            axis.power_law is None and (axis.coefficients['bias_instability'].observable
-                                        or _is_below(axis, joint.power_law))
-            for axis in singles):
-        return True
-    q = 0.0
-    for law in laws:
-        error = (law.exponent_ci95[1] - law.exponent_ci95[0]) / (2 * NORMAL95)
-        q += ((law.exponent - joint.power_law.exponent) / error)**2
-    return float(chi_square.survival(q, len(laws))) < _CHANCE
-
-
-def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> AxisResult:
-    """
-    Replace the joint estimates of an axis by combined estimates of its single recordings.
-
-    `joint`: fit of all recordings with one exponent. `singles`: fits of the single recordings.
-    Returns: the noise density is the weighted mean over recordings. The other terms are upper
-    bounds, the largest of any recording, as is the noise density if no recording shows it. There
-    is no model and no goodness of fit.
-    """
-    coefficients = dict(joint.coefficients)
-    for key in SPECTRAL_TERMS:
-        bounds = [bound for axis in singles
-                  if (bound := _most(axis.coefficients[key])) is not None]
-        coefficients[key] = as_bound(coefficients[key], max(bounds, default=None))
-    if densities := densities_of(singles):
-        value, ends = _weighted_mean(densities)
-        coefficients['noise_density'] = replace(
-            coefficients['noise_density'], observable=True, value=value, ci95=ends, upper95=None)
-    return replace(joint, coefficients=coefficients, power_law=None, gauss_markov=None,
-                   goodness_of_fit=GoodnessOfFit(None, None, False),
-                   curve=replace(joint.curve, model_adev=(0.0,) * len(joint.curve.tau_s)))
-
-
-def _is_below(axis: AxisResult, law: PowerLaw) -> bool:
-    """Return whether the curve of an axis is significantly below a power law alone."""
-    curve = axis.curve
-    _, highest = interval(np.array(curve.adev)**2, np.array(curve.edf), 1 - 2 * _CHANCE)
-    expected = np.sqrt(power_law_avar(law.amplitude, law.exponent, np.array(curve.tau_s)))
-    return bool(np.any(highest < expected))
-
-
-def densities_of(singles: Iterable[AxisResult]) -> list[tuple[float, float, float]]:
-    """Return value and interval ends of each noise density whose lower end is above zero."""
-    found = [axis.coefficients['noise_density'] for axis in singles]
-    return [(one.value, *one.ci95) for one in found
-            if one.value is not None and one.ci95 is not None and one.ci95[0] > 0]
-
-
-def _weighted_mean(densities: Sequence[tuple[float, float, float]]) -> tuple[float, Interval]:
-    """
-    Return the weighted mean of the logarithms of densities, with its interval.
-
-    The symmetric part of an interval is random error and averages out. The excess on one side is
-    uncertainty about the exponent; it is common to all recordings and does not average out.
-    """
-    middles, *ends = np.log(densities).T
-    lows, highs = np.abs(ends - middles)
-    weights = (lows + highs)**-2
-    weights /= weights.sum()
-    both = np.minimum(lows, highs)
-    half = float(np.sqrt(np.sum((weights * both)**2)))
-    middle = float(weights @ middles)
-    return exp(middle), (exp(middle - half - float(weights @ (lows - both))),
-                         exp(middle + half + float(weights @ (highs - both))))
-
-
-def _most(found: Coefficient) -> float | None:
-    return found.upper95 if found.ci95 is None else found.ci95[1]

@@ -247,25 +247,6 @@ def _thermometer(f: Any) -> str:
             if f.fault == 'gaps' else f'the temperature was not read: {f.reason}')
 
 
-def _power_law(f: Any) -> str:
-    if 'recordings' not in f:
-        return ('the slow noise is no flicker: its density goes with 1/f to the power of '
-                f'{f.exponent:.2f} (95 % interval {_least(f.exponent_low):.2f} to '
-                f'{_most(f.exponent_high):.2f})')
-    of_each = ', '.join(f'{"flicker or none" if exponent is None else f"1/f^{exponent:.2f}"} in '
-                        f'{recording}' for exponent, recording in zip(
-                            f.exponents, f.recordings, strict=True))
-    return f'the slow noise does not have the same exponent in all recordings ({of_each})'
-
-
-def _power_law_do(f: Any) -> str:
-    if 'recordings' not in f:
-        return 'for a filter take the tuned numbers: N and K alone leave this noise out'
-    bounded = ('the noise density is their mean, other terms are bounded' if f.density_is_mean
-               else 'every term is bounded')
-    return f'{bounded}; analyze without --together for a result of each'
-
-
 def _temperature(f: Any) -> str:
     lags = '' if 'lag_s' not in f else (
         f'. The {"thermometer" if _most(f.lag_s) > 0 else "sensor"} lags by '
@@ -613,10 +594,10 @@ WORDS: Mapping[str, Words] = {
     'power_law': Words(
         'no flicker', 'The slow noise has another slope than flicker: B is an upper bound.',
         'An exponent other than 1 explains the spectrum better.',
-        says=_power_law,
-        do=_power_law_do,
-        general='for a filter take the tuned numbers; where recordings differ in it, analyze '
-                'without --together'),
+        says=lambda f: 'the slow noise is no flicker: its density goes with 1/f to the power of '
+                       f'{f.exponent:.2f} (95 % interval {_least(f.exponent_low):.2f} to '
+                       f'{_most(f.exponent_high):.2f})',
+        do='for a filter take the tuned numbers: N and K alone leave this noise out'),
     'band_limited': Words(
         'low-pass',
         'Sensor or driver filter the fast noise; the coefficients are those below the filter.',

@@ -135,7 +135,6 @@ SAID = [
     finding('thermometer', fault='coarse', step_k=2.0, range_k=12.0),
     finding('thermometer', fault='unread', reason='line 2'), finding('trend_or_walk', GYRO),
     finding('power_law', GYRO, exponent=0.7, exponent_low=0.68, exponent_high=0.72),
-    finding('power_law', GYRO, recordings=['a', 'b'], exponents=[1.4, None], density_is_mean=True),
     of_all('band_limited', 'window_s', [0.0148, 0.02, 0.0152]),
     finding('band_limited', GYRO, edge_hz=20.0),
     finding('gauss_markov', GYRO, sigma=1e-3, unit='rad/s', correlation_time_s=9.0),
