@@ -5,7 +5,7 @@ Several recordings of one IMU as one result.
 
 The coefficients are those of the joint likelihood. The result also shows what one recording
 cannot: by how much the mean differs between power-ons, and coefficients between recordings beyond
-their errors. Recordings of another rate, frame or axes cannot be one series of measurements and are
+their errors. Recordings of another rate, frame or axes are no series of measurements and are
 rejected; contradictions are reported. This is one module because every step compares the parts.
 """
 
