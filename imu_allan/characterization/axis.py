@@ -53,7 +53,7 @@ from imu_allan.result import (
     Stationarity,
 )
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 
 def characterize(samples: ArrayLike, sample_rate_hz: float,
@@ -109,7 +109,6 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     if np.ndim(samples) != 1:
         raise ValueError(f'samples must have one dimension, not {np.ndim(samples)}: '
                          'characterize one axis at a time')
-    _require_once(np.asarray(samples))
     estimator = Estimator()
     estimator.update(samples)
     estimator.finish()
@@ -120,19 +119,6 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
             words = import_module('imu_allan.writers.words')
             warn(f'{remark.code}: {words.message_of(remark)}', stacklevel=2)
     return axis
-
-
-def _require_once(samples: NDArray[np.generic]) -> None:
-    """Refuse samples if the first 64 come again, unless they change too little to show it."""
-    first = samples[:64]
-    if np.count_nonzero(first[1:] != first[:-1]) < 16:
-        return
-    rows = np.flatnonzero(samples[64:-63] == first[0]) + 64
-    for place, value in enumerate(first):
-        rows = rows[samples[rows + place] == value]
-    if len(rows):
-        raise ValueError(f'samples from {rows[0]} on repeat those from 0 on, and would count '
-                         'twice: give each once')
 
 
 def axis_results(finished: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],

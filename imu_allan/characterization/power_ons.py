@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
-from imu_allan.noise.faults import is_clipped
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
@@ -31,32 +30,15 @@ class Mark(Record):
     # First sample on the first axis. It changes if a run restarts, as a run that began on a moving
     # robot does at the first stop.
     first: float
-    # By axis, the lowest and the highest value so far, each with the number of samples there
-    ends: dict[str, tuple[tuple[float, int], tuple[float, int]]]
-    # Axes whose samples of this period were cut off at an end, so that their mean is invalid
-    cut_off: list[str]
 
 
-def mark_of(record: FinishedRecord, ended: Sequence[Mark]) -> Mark:
-    """Return the state of a run at the end of its latest power-on; `ended` are those before."""
+def mark_of(record: FinishedRecord) -> Mark:
+    """Return the state of a run at the end of its latest power-on."""
     reference = record.group_of(record.names[0]).estimator.reference
-    mark = Mark({}, {}, 0.0 if reference is None else float(reference[0]), {}, [])
-    # After a restart of the run, all samples count.
-    before = ended[-1] if ended and ended[-1].first == mark.first else None
+    mark = Mark({}, {}, 0.0 if reference is None else float(reference[0]))
     for group in record.groups:
-        estimator, census = group.estimator, group.estimator.census
-        mark.samples |= dict.fromkeys(group.names, estimator.samples)
-        mark.means |= zip(group.names, estimator.mean.tolist(), strict=True)
-        for axis, name in enumerate(group.names):
-            mark.ends[name] = ends = (
-                (float(census.lowest[axis]), int(census.at_ends[0, axis])),
-                (float(census.highest[axis]), int(census.at_ends[1, axis])))
-            own = estimator.samples - (before.samples.get(name, 0) if before else 0)
-            # If an end has moved, no earlier sample is there.
-            earlier = dict(before.ends.get(name, ())) if before else {}
-            if own and any(is_clipped(estimator, axis, count - earlier.get(value, 0), own)
-                           for value, count in ends):
-                mark.cut_off.append(name)
+        mark.samples |= dict.fromkeys(group.names, group.estimator.samples)
+        mark.means |= zip(group.names, group.estimator.mean.tolist(), strict=True)
     return mark
 
 
@@ -72,7 +54,7 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     for name, axis in axes.items():
         # The mean of less than ten seconds at rest is mostly noise.
         means = [(mean, samples / record.rate_hz) for mean, samples
-                 in _of_each(name, (*ended, mark_of(record, ended)))
+                 in _of_each(name, (*ended, mark_of(record)))
                  if samples >= 10.0 * record.rate_hz]
         if len(means) > 1 and mean_is_known(axis):
             found[name] = turn_on_bias(
@@ -103,6 +85,5 @@ def _of_each(name: str, marks: Sequence[Mark]) -> Iterator[tuple[float, int]]:
     for mark in marks:
         samples = mark.samples.get(name, 0)
         if mark.first == marks[-1].first and samples > used:
-            if name not in mark.cut_off:
-                yield (mark.means[name] * samples - mean * used) / (samples - used), samples - used
+            yield (mark.means[name] * samples - mean * used) / (samples - used), samples - used
             used, mean = samples, mark.means[name]

@@ -164,9 +164,8 @@ class Characterization:
         """Begin a new run after a power-on of the sensor, whose bias may have changed."""
         record = self.record()
         if record is not None:
-            marks = self._memory.power_ons
-            marks.append(mark_of(record, marks))
-            del marks[:-MOST_POWER_ONS]
+            self._memory.power_ons.append(mark_of(record))
+            del self._memory.power_ons[:-MOST_POWER_ONS]
         self._absorb(self._timeline.power_on)
 
     def summary(self) -> TimelineSummary:

@@ -128,10 +128,6 @@ class Thermometer(Record):
             return
         new = np.array([run, first, begin, first_ns, first + samples - 1, self.shown - 1,
                         last_ns], dtype=np.int64)
-        if len(self.runs) and self.runs[-1, 0] > run:
-            # The estimator has renumbered its runs, so the earlier ones cannot be identified any
-            # more.
-            self.runs = self.runs[:0]
         if len(self.runs) and self.runs[-1, 0] == run:
             self.runs = self.runs.copy()
             self.runs[-1, 4:] = new[4:]

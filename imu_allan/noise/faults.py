@@ -86,23 +86,10 @@ def clipping(finished: Estimator, axis: int) -> Clipped | None:
     census, samples = finished.census, finished.measured
     end = int(np.argmax(census.at_ends[:, axis]))
     count = int(census.at_ends[end, axis])
-    if finished.reference is None or not is_clipped(finished, axis, count, samples):
-        return None
-    kept = (census.lowest, census.highest)[end][axis]
-    return Clipped(float(finished.reference[axis] + kept), count / samples, bool(end))
-
-
-def is_clipped(finished: Estimator, axis: int, count: int, samples: int) -> bool:
-    """
-    Return whether clipping explains that `count` of `samples` lie at an end of the range.
-
-    The samples are a record or a part of it; noise and steps are those of the whole record.
-    """
-    census = finished.census
     # White noise that is clipped on both sides at 2.58 sigma loses 1 % of its density.
-    if (count < max(1, 0.005 * samples)
+    if (finished.reference is None or count < max(1, 0.005 * samples)
             or census.lowest[axis] == census.highest[axis]):
-        return False
+        return None
     noises = _noise_over_times(finished, axis)
     # A vibration averages out over its periods, so the minimum is closest to the noise.
     noise = float(noises.min(initial=np.inf))
@@ -113,11 +100,14 @@ def is_clipped(finished: Estimator, axis: int, count: int, samples: int) -> bool
     # vibration: its values crowd at both ends. An output that is clipped at rest has 1.4.
     if (not len(noises) or not step <= 0.5 * noise
             or noises[:7].max() > 4.0 * noise):
-        return False
+        return None
     # Allow for three standard errors of the count.
     share = max(count - 3.0 * np.sqrt(count), 0.0) / samples
     # Where 20 samples are expected beyond the end, none occurs by chance in one of e^20 records.
-    return bool(samples * ndtr(ndtri(share) - step / noise) >= 20.0)
+    if samples * ndtr(ndtri(share) - step / noise) < 20.0:
+        return None
+    kept = (census.lowest, census.highest)[end][axis]
+    return Clipped(float(finished.reference[axis] + kept), count / samples, bool(end))
 
 
 def _noise_over_times(finished: Estimator, axis: int) -> Array:

@@ -219,8 +219,6 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
     *(([1.0, value], 100.0, 'angular_velocity', NOT_FINITE) for value in (np.nan, 1e100)),
     (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
     ([1.0, 2.0j], 100.0, 'angular_velocity', NOT_FINITE),
-    ((np.arange(200) % 7).tolist(), 100.0, 'angular_velocity',
-     'samples from 70 on repeat those from 0 on, and would count twice: give each once'),
     ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0'),
     ([1.0, 2.0], 100.0, 'torque',
      "quantity must be 'angular_velocity' or 'linear_acceleration', not 'torque'")])

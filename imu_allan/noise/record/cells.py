@@ -16,10 +16,10 @@ import numpy as np
 
 Keys = Ints
 
-RUN_SHIFT = 44
-"""Bits of a place, enough for 500 years at 1 kHz."""
+RUN_SHIFT = 40
+"""Bits of a place, enough for 30 years at 1 kHz."""
 MOST_RUNS = 1 << (62 - RUN_SHIFT)
-"""Runs that fit into the rest of a signed 64-bit key; when they run out, runs are renumbered."""
+"""Runs that fit into the rest of a signed 64-bit key: one a minute for eight years."""
 _PLACE = (1 << RUN_SHIFT) - 1
 """Mask for the place in a key."""
 
@@ -100,13 +100,6 @@ def coarser(cells: Cells, octaves: int) -> Cells:
 def moved(cells: Cells, runs: int) -> Cells:
     """Return the same cells with their run numbers increased by `runs`."""
     return Cells(cells.keys + (np.int64(runs) << RUN_SHIFT), cells.sums, cells.counts)
-
-
-def renumbered(cells: Cells) -> tuple[Cells, int]:
-    """Renumber the runs consecutively from zero; return the cells and the number of runs."""
-    numbers, place = np.unique(cells.keys >> RUN_SHIFT, return_inverse=True)
-    keys = (place.astype(np.int64) << RUN_SHIFT) + (cells.keys & _PLACE)
-    return Cells(keys, cells.sums, cells.counts), len(numbers)
 
 
 def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:

@@ -185,10 +185,9 @@ class Estimator(MultiAxis):
         """Begin a new run, with an unknown distance in time from the previous one."""
         self._absorb()
         self.pyramid.start_segment()
-        self.run += 1
-        self.first = 0
-        if self.run >= MOST_RUNS:
-            self.run = self.periodogram.renumber_runs()
+        # The last run that can be numbered goes on.
+        if self.run < MOST_RUNS - 1:
+            self.run, self.first = self.run + 1, 0
 
     def finished(self) -> 'Estimator':
         """Return a copy with all samples processed, ready to be fitted."""
@@ -255,16 +254,13 @@ class Estimator(MultiAxis):
         shift = theirs.reference - self.reference
         self.signal.merge(theirs.signal, shift)
         theirs.periodogram.shift_cells(shift[:, None])
-        runs = theirs.periodogram.renumber_runs()
-        if self.run + runs >= MOST_RUNS:
-            self.run = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self.run)
         self.pyramid.merge(theirs.pyramid)
         self.interpolation_sums.merge(theirs.interpolation_sums)
         self.census.merge(theirs.census, shift)
         self.samples += theirs.samples
         self.interpolated += theirs.interpolated
-        self.run += runs
+        self.run += theirs.run + 1
 
     def _absorb(self) -> None:
         """Process the samples in the chunk."""

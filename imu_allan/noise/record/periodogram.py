@@ -27,7 +27,6 @@ from imu_allan.noise.record.cells import (
     joined,
     moved,
     no_cells,
-    renumbered,
     RUN_SHIFT,
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
@@ -237,14 +236,6 @@ class Periodogram(MultiAxis):
             self.series = coarser(self.series, 1)
             self.cell *= 2
         self.series = self.series.take(slice(-SERIES, None))
-
-    def renumber_runs(self) -> int:
-        """Renumber the runs consecutively; return the largest number of runs in any part."""
-        self.series, most = renumbered(self.series)
-        for stage in self.stages:
-            stage.waiting, count = renumbered(stage.waiting)
-            most = max(most, count)
-        return most
 
     def finish(self) -> None:
         """Transform the waiting means of all stages, at the end of the record."""
