@@ -80,23 +80,10 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Tone:
-    """
-    A narrow line in the spectrum, or the sum of several lines.
-
-    Attributes
-    ----------
-    frequency_hz : float
-        For a sum: that of the single line that adds as much to means over a long time.
-    amplitude : float
-        In the unit of a sample; for a sum: that of one line with the power of all.
-    lines : int
-        Number of lines in the sum.
-
-    """
+    """A narrow line in the spectrum; its amplitude is in the unit of a sample."""
 
     frequency_hz: AboveZero
     amplitude: NotNegative
-    lines: Annotated[int, ABOVE_ZERO] = 1
 
 
 @dataclass(frozen=True)
@@ -402,9 +389,9 @@ class AxisResult:
     Everything known about one axis.
 
     `band_limit_s` is the effective window of a low-pass, if one was found. `band_edge_hz` is the
-    highest fitted frequency, if higher ones were excluded. `tones` are the strongest lines, and
-    `weaker_tones` sums of the others by octave. `coarse_step` is the step of an output that is
-    coarser than the noise of one sample.
+    highest fitted frequency, if higher ones were excluded. `tones` are the lines excluded from
+    the fit, the strongest first. They are part of the noise of a sample. `coarse_step` is the step
+    of an output that is coarser than that noise.
 
     An axis has no coefficients if it was constant during `stood_still` or is `saturated`. Neither
     has one from a filter that removes everything slower than `high_passed_hz`, the mean included.
@@ -433,12 +420,6 @@ class AxisResult:
     saturated: Saturation | None = None
     coarse_step: float | None = None
     power_law: PowerLaw | None = None
-    weaker_tones: tuple[Tone, ...] = ()
-
-    @property
-    def all_tones(self) -> tuple[Tone, ...]:
-        """Return all lines excluded from the fit, which are part of the noise of a sample."""
-        return self.tones + self.weaker_tones
 
     @property
     def constant(self) -> bool:

@@ -34,7 +34,6 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
-from imu_allan.noise.tones import split_lines
 from imu_allan.noise.uncertainty import below_curve, CERTAIN, leaves_at
 from imu_allan.result import (
     AxisResult,
@@ -198,7 +197,6 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     if leaves_s is not None and fitted.acceptable:
         # The model does not follow the curve at long averaging times.
         remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
-    named, weaker = split_lines(found.lines)
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
     frequency, passed = found.whole.frequency, ()
@@ -208,8 +206,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         base,
         band_limit_s=fitted.window_s,
         band_edge_hz=fitted.edge_hz,
-        tones=named,
-        weaker_tones=weaker,
+        tones=tuple(found.lines),
         coefficients={key: coefficients[key] for key in TERMS},
         goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
                                       fitted.acceptable and leaves_s is None),

@@ -28,8 +28,7 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Findin
         if axis.tones:
             strongest = max(axis.tones, key=lambda tone: tone.amplitude)
             found.append(finding(
-                'tones', (name,), unit=axis.unit,
-                count=len(axis.tones) + sum(tone.lines for tone in axis.weaker_tones),
+                'tones', (name,), unit=axis.unit, count=len(axis.tones),
                 frequency_hz=strongest.frequency_hz, amplitude=strongest.amplitude,
                 # Alternation from message to message stays this close to half the rate. Chosen by
                 # judgment.

@@ -139,11 +139,9 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
         entries |= _with_interval('turn_on_bias', spread.sigma, spread.ci95, axis.unit)
     entries |= {f'goodness_of_fit/{key}': value
                 for key, value in asdict(axis.goodness_of_fit).items()}
-    for kind, tones in ('tones', axis.tones), ('weaker_tones', axis.weaker_tones):
-        for i, tone in enumerate(tones):
-            # The number of lines matters only for weaker tones, which are sums of lines.
-            entries |= {f'{kind}/{i}/{key}': value for key, value in asdict(tone).items()
-                        if key != 'lines' or kind == 'weaker_tones'}
+    # More would fill the screen of a monitor.
+    for i, tone in enumerate(axis.tones[:32]):
+        entries |= {f'tones/{i}/{key}': value for key, value in asdict(tone).items()}
     return key_values({**entries, **remark_values(remarks)})
 
 

@@ -33,7 +33,7 @@ from imu_allan.noise.stationarity import (
     steadiness,
     white_ratio,
 )
-from imu_allan.noise.tones import find_lines, NAMED, vibrations
+from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends.mean_in_blocks import Waveform, without_mean
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
@@ -198,8 +198,8 @@ class _Source:
 
 
 def lines_hz(lines: Sequence[Tone]) -> list[float]:
-    """Return the frequencies of the strongest lines."""
-    return [line.frequency_hz for line in lines[:NAMED]]
+    """Return the frequencies of the strongest lines; the bands of more would be all."""
+    return [line.frequency_hz for line in lines[:32]]
 
 
 def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequence[int], dt: float

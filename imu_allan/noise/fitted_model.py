@@ -77,7 +77,7 @@ class FittedModel:
         for process in self.processes:
             total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
         for line in self.lines:
-            total = total + line_avar(line.frequency_hz, line.amplitude, tau, line.lines)
+            total = total + line_avar(line.frequency_hz, line.amplitude, tau)
         if self.power_law is not None:
             total = total + power_law_avar(
                 self.power_law.amplitude, self.power_law.exponent, tau)
@@ -121,7 +121,7 @@ def reported_model(axis: AxisResult) -> FittedModel:
         return FittedModel({})
     seen = axis.spectrum
     passed = (seen.frequency_hz, seen.passed) if seen is not None and seen.passed else None
-    return FittedModel(values, passed, () if process is None else (process,), axis.all_tones, law)
+    return FittedModel(values, passed, () if process is None else (process,), axis.tones, law)
 
 
 def hidden_avar(axis: AxisResult, tau: Array) -> Array:

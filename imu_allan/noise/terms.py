@@ -175,14 +175,12 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> Array:
                       * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
 
 
-def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int = 1) -> Array:
+def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> Array:
     """
     Allan variance of a sine wave.
 
     `frequency_hz`, `amplitude`: of the sine wave. `tau`, shape (n,): averaging times in seconds.
-    `lines`: number of sine waves around that frequency that share the power of that amplitude.
-    Returns shape (n,): [a sin^2(pi f tau)/(pi f tau)]^2, zero at whole numbers of periods. For
-    several lines it is averaged over the octave of `frequencies_of_lines`.
+    Returns shape (n,): [a sin^2(pi f tau)/(pi f tau)]^2, zero at whole numbers of periods.
 
     References
     ----------
@@ -194,9 +192,8 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     array([0.1273, 0.    ])
 
     """
-    x = np.pi * np.multiply.outer(frequencies_of_lines(frequency_hz, lines),
-                                  np.asarray(tau, dtype=np.float64))
-    return np.asarray(np.mean((amplitude * np.sin(x) ** 2 / x) ** 2, axis=0))
+    x = np.pi * (frequency_hz * np.asarray(tau, dtype=np.float64))
+    return np.asarray((amplitude * np.sin(x) ** 2 / x) ** 2)
 
 
 def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> Array:
@@ -204,30 +201,8 @@ def line_power(tones: Iterable[Tone], interval_s: ArrayLike) -> Array:
     interval = np.asarray(interval_s, dtype=np.float64)
     total = np.zeros(interval.shape)
     for tone in tones:
-        turns = np.multiply.outer(frequencies_of_lines(tone.frequency_hz, tone.lines), interval)
-        total = total + tone.amplitude**2 / 2 * np.mean(np.sinc(turns) ** 2, axis=0)
+        total = total + tone.amplitude**2 / 2 * np.sinc(tone.frequency_hz * interval) ** 2
     return total
-
-
-def frequencies_of_lines(frequency_hz: float, lines: int) -> Array:
-    """
-    Return frequencies of equal power that represent the sum of several lines in an octave.
-
-    Together they have the same effect on means over a long time as one line at `frequency_hz`.
-
-    Examples
-    --------
-    >>> frequencies_of_lines(10.0, 1)
-    array([10.])
-    >>> frequencies_of_lines(10.0, 40).round(1)
-    array([ 7.7,  8.4,  9.1, 10. , 10.9, 11.8, 12.9, 14.1])
-
-    """
-    if lines == 1:
-        return np.array([frequency_hz])
-    # Eight frequencies are enough that their side lobes do not coincide.
-    octave = 2.0 ** ((np.arange(8) + 0.5) / 8)
-    return np.asarray(frequency_hz * octave * np.sqrt(np.mean(octave**-2)))
 
 
 def filtered_share(size: ArrayLike, nu: ArrayLike, passed: ArrayLike) -> Array:

@@ -9,8 +9,7 @@ neighbourhood, at one of three resolutions: the idle tone of a quantizer is a fe
 """
 
 from collections.abc import Sequence
-from itertools import groupby, pairwise
-from math import log2, sqrt
+from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools
 from imu_allan.noise import chi_square
@@ -25,8 +24,6 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 _NEIGHBOURHOOD = 65
 """Bins of the median, many more than a line has; more would blur a knee. Chosen by judgment."""
-NAMED = 32
-"""Number of the strongest lines that a result lists with their own frequency and amplitude."""
 _MANY = 8
 """Fewest blocks whose average is smooth enough for broad lines and a small neighbourhood."""
 
@@ -53,23 +50,6 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
             return lines, keep
     # Otherwise no line is left out, and the goodness of fit will be poor.
     return lines, np.ones(len(bins.frequency), dtype=bool)
-
-
-def split_lines(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]]:
-    """
-    Split lines into those that a result lists, and the others, summed by octave.
-
-    `lines`: the strongest first. Returns: lines whose total power, and whose total effect on means
-    over a long time, are those of `lines`.
-    """
-    weaker = []
-    for _, octave in groupby(sorted(lines[NAMED:], key=lambda line: line.frequency_hz),
-                             lambda line: log2(line.frequency_hz) // 1):
-        some = list(octave)
-        power = sum(line.amplitude**2 for line in some)
-        late = sum((line.amplitude / line.frequency_hz)**2 for line in some)
-        weaker.append(Tone(sqrt(power / late), sqrt(power), len(some)))
-    return tuple(lines[:NAMED]), tuple(weaker)
 
 
 def vibrations(lines: Sequence[Tone], cycle_s: float | None, sections: Sequence[SpectrumSection],

@@ -62,7 +62,7 @@ def leaked_share(axis: AxisResult, interpolated: float, dt: float) -> float:
     `interpolated`: share of the samples. The mean of its neighbours replaces a missing sample;
     what it lacks of a line is noise at random places.
     """
-    found, lines = axis.coefficients['noise_density'], axis.all_tones
+    found, lines = axis.coefficients['noise_density'], axis.tones
     if not interpolated or not lines or found.value is None:
         return 0.0
     taken = taken_by_mean(dt * np.array([line.frequency_hz for line in lines]))

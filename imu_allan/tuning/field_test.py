@@ -79,7 +79,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
                             'short to run a filter over')
     fed = [(model, tones) for axis in kept.values() for model, tones in (
         (_as_model(tune(axis, aiding_interval_s, coast_s, bias)), ()),
-        (drift_model_of(axis), axis.all_tones))]
+        (drift_model_of(axis), axis.tones))]
     # Long parts are split, too, as filters keep much for every step.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
                          for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
@@ -113,7 +113,7 @@ def _as_predicted(bins: Bins, sections: Sequence[SpectrumSection], axis: AxisRes
                   ) -> Bins:
     """Return the spectrum with two design columns: predicted noise, and predicted drift."""
     model = drift_model_of(axis)
-    lines = step_s * float(line_power(axis.all_tones, step_s))
+    lines = step_s * float(line_power(axis.tones, step_s))
     drift = bins.design[:, RANDOM_WALK] * model.rate_random_walk**2
     for process in model.processes:
         # A stop is short compared with a slow process, so the spectrum of an endless record does
@@ -183,8 +183,7 @@ def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:
         rate_random_walk=drift * model.rate_random_walk,
         processes=tuple(replace(process, sigma=drift * process.sigma)
                         for process in model.processes))
-    tones, weaker = (tuple(replace(tone, amplitude=noise * tone.amplitude) for tone in some)
-                     for some in (axis.tones, axis.weaker_tones))
+    tones = tuple(replace(tone, amplitude=noise * tone.amplitude) for tone in axis.tones)
     # Only the curve above the band is used, which is noise.
-    return replace(axis, drift_model=more, tones=tones, weaker_tones=weaker, curve=replace(
+    return replace(axis, drift_model=more, tones=tones, curve=replace(
         curve, adev=tuple(noise * value for value in curve.adev)))

@@ -115,7 +115,7 @@ def _pairs(sigma: Array, wide: Array) -> tuple[Interval, ...]:
 def _mean_about_mean(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
     """Return the variance of the mean over h about the mean over c just before."""
     total = (model.noise_density**2 * (1 / h + 1 / c) + model.rate_random_walk**2 * (h + c) / 3
-             + line_power(axis.all_tones, h) + line_power(axis.all_tones, c))
+             + line_power(axis.tones, h) + line_power(axis.tones, c))
     for process in model.processes:
         time = process.correlation_time_s
         total = total + process.sigma**2 * (
@@ -129,7 +129,7 @@ def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
     lever = h**2 / 2
     total = (model.noise_density**2 * (h**3 / 3 + lever**2 / c)
              + model.rate_random_walk**2 * (h**5 / 20 + lever**2 * c / 3)
-             + lever**2 * line_power(axis.all_tones, c))
+             + lever**2 * line_power(axis.tones, c))
     for process in model.processes:
         time = process.correlation_time_s
         # Weight of the state at the beginning in the double integral.
@@ -137,7 +137,7 @@ def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
         total = total + process.sigma**2 * (
             _double_integral(time, h) + lever**2 * mean_variance(time, c)
             - 2 * lever * start * on_mean(time, c))
-    for tone in axis.all_tones:
+    for tone in axis.tones:
         w = 2j * np.pi * tone.frequency_hz
         total = total + tone.amplitude**2 / 2 * np.abs(np.expm1(w * h) / w**2 - h / w) ** 2
     return np.asarray(total)

@@ -71,10 +71,10 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] =
 def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
     """Return the variance of means after many corrections, by docs/statistics.md (9)."""
     model = drift_model_of(axis)
-    covariance = steady_covariance(space_of(model, axis.all_tones, aiding_s))
+    covariance = steady_covariance(space_of(model, axis.tones, aiding_s))
     found = []
     for horizon in horizons.tolist():
-        over = space_of(model, axis.all_tones, horizon)
+        over = space_of(model, axis.tones, horizon)
         found.append(float((over.observation @ covariance @ over.observation.T
                             + over.measurement)[0, 0]))
     return np.array(found)

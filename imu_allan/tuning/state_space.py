@@ -122,7 +122,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
         raise ImuAllanError(f'step_s {step_s:g} s is beyond {model.to_s:g} s, a third of the '
                             'recording. It does not know how the sensor drifts over longer; '
                             'choose a shorter step')
-    space = space_of(model, axis.all_tones, step_s)
+    space = space_of(model, axis.tones, step_s)
     return replace(space, measurement=space.measurement + above_band(axis, step_s))
 
 
@@ -133,7 +133,7 @@ def above_band(axis: AxisResult, interval_s: float) -> float:
         return 0.0
     measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
                                     np.log(np.maximum(curve.adev, 1e-300))))
-    return max(float(measured) - float(drift_avar(model, axis.all_tones, interval_s)), 0.0)
+    return max(float(measured) - float(drift_avar(model, axis.tones, interval_s)), 0.0)
 
 
 def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:

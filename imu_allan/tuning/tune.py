@@ -145,7 +145,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
 def _drifting(axis: AxisResult) -> AxisResult:
     """Keep only what tuning needs of an axis, so that axes equal in it are tuned once."""
     model = drift_model_of(axis)
-    return AxisResult(axis.quantity, axis.unit, None, None, axis.all_tones, {},
+    return AxisResult(axis.quantity, axis.unit, None, None, axis.tones, {},
                       GoodnessOfFit(None, None, True), axis.curve, drift_model=model,
                       stationarity=axis.stationarity)
 
@@ -296,7 +296,7 @@ class Truth:
 
     def allan_variance(self, interval_s: float) -> float:
         """Return the Allan variance of model and tones, plus what exceeds it above the band."""
-        return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
+        return (float(drift_avar(self.model, self.axis.tones, interval_s))
                 + above_band(self.axis, interval_s))
 
     def _shows_s(self, random_walk: float) -> float:
@@ -331,8 +331,8 @@ class Truth:
         # Noise above the band averages out like phase noise.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))
-        yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
-                    + line_power(self.axis.all_tones, h)
+        yield 0.0, (weight**2 * memory * line_power(self.axis.tones, t)
+                    + line_power(self.axis.tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
         random_walk = self.model.rate_random_walk
         # Over short times a process is a random walk, too. Its Allan variance peaks at 1.89

@@ -78,7 +78,7 @@ def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
     have stayed hidden.
     """
     model = drift_model_of(axis)
-    level = float(drift_avar(model, axis.all_tones, model.to_s))
+    level = float(drift_avar(model, axis.tones, model.to_s))
     return np.asarray(level * np.maximum(horizons / model.to_s - 1, 0))
 
 
@@ -114,7 +114,7 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     """
     model = drift_model_of(axis)
     drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
-                  / drift_avar(model, axis.all_tones, coast_s))
+                  / drift_avar(model, axis.tones, coast_s))
     # The drift's share of the variance of a mean. Less than half was hidden, and the other
     # recording shows more.
     spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, 0.5)

@@ -82,7 +82,7 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     # are averaged.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], fine * between) * rate))
     avar = model.allan_variance(size, 1 / rate)
-    if axis.all_tones:
+    if axis.tones:
         window = min(between, len(avar))
         smooth = np.convolve(avar, np.ones(window) / window, 'same')
         avar = np.where(size > size[0] * 64, smooth, avar)

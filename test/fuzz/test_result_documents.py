@@ -35,7 +35,6 @@ def measured():
         parse_model(SPECIFICATION), 100.0, 6000, start_ns=10**18), 'a/b').result()
     axes = dict(result.axes)
     axes['gyro_x'] = replace(axes['gyro_x'], tones=(Tone(13.0, 1e-3), Tone(26.0, 1e-4)),
-                             weaker_tones=(Tone(5.0, 1e-5, 40),),
                              gauss_markov=GaussMarkov(1e-4, 30.0), band_limit_s=0.004,
                              power_law=PowerLaw(0.7, (0.6, 0.8), 1e-8))
     timeline = replace(result.timeline, gaps=(Span(10.0, 2.0),), motion=(Span(30.0, 1.0),))

@@ -180,7 +180,7 @@ def test_axes_that_are_equal_for_a_filter_are_tuned_once_and_others_anew():
     assert tune(replace(axis, mean=0.5)) is first
     assert tune(axis, coast_s=10.0) != first
     # Lines count as noise of the corrections.
-    louder = replace(axis, weaker_tones=(Tone(5.0, 1e-2, 40),))
+    louder = replace(axis, tones=(Tone(5.0, 1e-2),))
     assert tune(louder).noise_density > 1.1 * first.noise_density
     assert tune(axis_of(2e-3, 3e-5, tones=((4.0, 1e-2),))).noise_density > first.noise_density
 
