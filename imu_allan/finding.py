@@ -154,7 +154,7 @@ CODES: Mapping[str, Code] = {
     'chosen_topic': _know(
         topics=Count, chosen=tuple[Text, ...], reason=Text, others=tuple[Text, ...]),
     'short_part': _know(recorded_s=Seconds, asked_s=Seconds),
-    'ignored_columns': _know(perhaps_axes=Flag, count=Count, columns=tuple[Text, ...]),
+    'ignored_columns': _know(count=Count, columns=tuple[Text, ...]),
     'repeated_part': _know(messages=Count),
     'many_topics': _know(what=Text, listed=Count),
     'many_definitions': _know(),

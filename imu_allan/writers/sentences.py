@@ -286,8 +286,7 @@ def _two_rates(f: Any) -> str:
 
 def _ignored_columns(f: Any) -> str:
     more = f.count - len(f.columns)
-    what = 'may be axes were not understood' if f.perhaps_axes else 'are not needed were left out'
-    return (f'columns that {what}: {", ".join(f.columns)}'
+    return (f'columns that name no axis were left out: {", ".join(f.columns)}'
             f'{f", and {more:,} more" if more > 0 else ""}')
 
 

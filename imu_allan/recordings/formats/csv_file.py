@@ -14,11 +14,9 @@ from contextlib import suppress
 import csv
 from dataclasses import replace
 from itertools import pairwise
-from os import SEEK_END
 from pathlib import Path
 import re
 from typing import BinaryIO, NamedTuple
-from zlib import crc32
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -53,18 +51,12 @@ _LONGEST_LINE = 1 << 20
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
-_QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
-"""A number with a decimal comma in a comma-separated file."""
 _DATE = re.compile(
     r'(?<![\w:])(?<!\d )(?:(\d{4}[-./]\d\d[-./]\d\d)[T ]|\d{1,2}[-./]\w{1,4}[-./]\d{2,4} )?'
     r'(\d?\d:\d\d:\d\d)(?:(?:\.|:(?=\d{3}\b))(\d{1,9})\d*)?(?: ?([AaPp])[Mm]\b)?'
     r'(?:Z|([+-]\d\d):?(\d\d))?')
 """A time of ISO 8601 or of a spreadsheet, with or without the day; a day whose order of day and
 month differs between countries is left out."""
-_ARROW = ' -> '
-"""Mark between the time of day and the line that the serial monitor of Arduino shows."""
-_LABELLED = re.compile(r'\b([A-Za-z]\w*) ?[:=] ?([-+]?\.?\d[^\s,;]*)')
-"""A number behind its name, as for the serial plotter of Arduino: ``aX:1.23``."""
 
 
 class _Line(NamedTuple):
@@ -75,7 +67,6 @@ class _Line(NamedTuple):
     delimiter: str | None
     cells: int
     named: bool    # whether it names an axis, or a column that the user gives
-    labelled: bool  # whether it holds numbers, each behind its name
 
 
 class CsvRecording(FileRecording):
@@ -83,8 +74,6 @@ class CsvRecording(FileRecording):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        with stored.open('rb') as file:
-            self._begins = self._beginning(file)
         try:
             self._columns = self._found_columns()
         except ImuAllanError as error:
@@ -154,28 +143,17 @@ class CsvRecording(FileRecording):
         # Longer than any line; some 10,000 lines, for fast parsing by numpy.
         at_a_time = 1 << 20
         with self._stored.open('rb') as file:
-            position = start
-            while position < self.size_bytes:
-                file.seek(position)
-                # Of what is added meanwhile, only the rest of a line is read.
-                data = file.read(min(at_a_time, self.size_bytes - position))
+            position = file.seek(start)
+            # Of what is added meanwhile, only the rest of a line is read.
+            while data := file.read(max(min(at_a_time, self.size_bytes - position), 0)):
                 last = b'' if data.endswith(b'\n') else file.readline(at_a_time + 1)
                 position = file.tell()
-                if (file.seek(0, SEEK_END) < self.size_bytes
-                        or self._beginning(file) != self._begins):
-                    raise ImuAllanError(f'{printable(self.path)}: rewritten while it was read; '
-                                        'wait until it is complete, or give a copy')
                 if len(last) > at_a_time:
                     raise ImuAllanError(
                         f'{printable(self.path)}: a line ending at byte {position} is longer '
                         f'than {at_a_time} bytes; not a CSV file of samples')
                 text = self._with_points(_decoded(data + last))
                 yield text.removesuffix('\n').split('\n'), position
-
-    def _beginning(self, file: BinaryIO) -> int:
-        """Return a checksum of what a file begins with, up to its size when it was opened."""
-        file.seek(0)
-        return crc32(file.read(min(self.size_bytes, _LOOKED_AT)))
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:
@@ -202,18 +180,15 @@ class CsvRecording(FileRecording):
             if len(line) == _LONGEST_LINE and not line.endswith(b'\n'):
                 raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                     'samples')
-            text = _shown(line)
+            text = _decoded(line)
             delimiter, cells = cells_of(text)
-            labels = _LABELLED.sub(r'\1', text)
-            labelled = (labels != text and not is_remark(text)
-                        and names_columns(labels, self.options))
             named = names_columns(text, self.options) and not (
                 lines and any(map(is_number, cells)))
-            found = _Line(number, at, delimiter, _filled(cells), named, labelled)
-            if lines and is_number(cells[0]) and not (labelled or is_remark(text)):
+            found = _Line(number, at, delimiter, _filled(cells), named)
+            if lines and is_number(cells[0]) and not is_remark(text):
                 samples = found
                 break
-            if named or labelled or not is_remark(text):
+            if named or not is_remark(text):
                 lines.append(found)
             if not line:
                 break
@@ -222,23 +197,16 @@ class CsvRecording(FileRecording):
             # Names may be unknown. A line about the device may have those of axes, but has fewer
             # cells than a sample, or other marks between them. A first line may be cut.
             fits = samples is None or line.cells >= samples.cells
-            labels = line.cells if line.labelled and samples is None else 0
-            return (line.named and fits, labels, line.named, fits,
+            return (line.named and fits, line.named, fits,
                     samples is not None and line.delimiter == samples.delimiter)
 
         best = max(lines, key=like_names)
         if samples is not None and not any(like_names(best)):
             best = samples
-        self._labelled = best.labelled and samples is None
         file.seek(best.at)
         line = file.readline(_LONGEST_LINE)
-        header = _shown(line)
         self._data_at, self._first_line = best.at, best.number
-        if self._labelled:
-            # The names are those of the first sample.
-            header, self._first_line = _LABELLED.sub(r'\1', header), best.number - 1
-            file.seek(best.at)
-        return header, line.startswith(BOM_UTF8)
+        return _decoded(line), line.startswith(BOM_UTF8)
 
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
@@ -247,16 +215,10 @@ class CsvRecording(FileRecording):
             header, has_mark = self._found_header(file)
             behind = file.tell()
             after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
-        if '\r' in header.rstrip():
-            raise ImuAllanError('its lines end with carriage returns alone, as an old Macintosh '
-                                'writes them; save it with line feeds')
         delimiter, names = cells_of(header)
         text = _decoded(after)
-        self._arrow_as = (delimiter or ' ') if _ARROW in text else None
-        text = text.replace(_ARROW, delimiter or ' ')
         self._decimal_comma = (delimiter != ',' and
                                re.search(r'(?<![\d,])-?\d+,\d+(?![\d,])', text) is not None)
-        self._quoted_comma = delimiter == ',' and _QUOTED_COMMA.search(text) is not None
         # Between blanks, date and time of day may be two cells.
         self._dated = ':' in text and _DATE.search(text) is not None and (
             delimiter is not None or not any(' ' in date[0] for date in _DATE.finditer(text)))
@@ -296,7 +258,6 @@ class CsvRecording(FileRecording):
                 # Another topic of the table may have begun long before, so this column starts
                 # empty.
                 times = self._first_times(clock.column, delimiter)
-            _refuse_grouped_times(times)
             columns = replace(columns, clock=None if rows and not times else _with_unit(
                 clock, times, options.rate_hz))
         self._apart = columns.clock is not None and _are_apart(columns, rows)
@@ -319,37 +280,22 @@ class CsvRecording(FileRecording):
                 if line.strip()]
 
     def _with_points(self, text: str) -> str:
-        """Replace decimal commas by points and dates by nanoseconds; remove names of numbers."""
-        if self._arrow_as is not None:
-            text = text.replace(_ARROW, self._arrow_as)
-        if self._quoted_comma:
-            text = _QUOTED_COMMA.sub(r'\1.\2', text)
-        elif self._decimal_comma:
+        """Replace decimal commas by points and dates by nanoseconds."""
+        if self._decimal_comma:
             text = text.replace(',', '.')
-        if self._dated:
-            text = _DATE.sub(_nanoseconds, text)
-        return _LABELLED.sub(r'\2', text) if self._labelled else text
+        return _DATE.sub(_nanoseconds, text) if self._dated else text
 
     def _report_ignored(self, columns: Columns) -> None:
-        lookalikes = {*columns.lookalikes}
-        others = [cell for cell in columns.ignored
-                  if cell and cell not in lookalikes and not is_rest_of_imu(cell)]
-        for cells in (columns.lookalikes, others):
-            if cells:
-                # Ten names keep the remark to a line or two.
-                self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
-                            columns=[printable(cell[:40]) for cell in cells[:10]])
+        cells = [cell for cell in columns.ignored if cell and not is_rest_of_imu(cell)]
+        if cells:
+            # Ten names keep the remark to a line or two.
+            self.remark('ignored_columns', count=len(cells),
+                        columns=[printable(cell[:40]) for cell in cells[:10]])
         axes = {axis for _, axis, _ in columns.axes}
         sensors = {axis // 3 for axis in axes}
         for axis, name in enumerate(AXES):
             if axis // 3 in sensors and axis not in axes:
                 self._keep_remark(finding('axis_not_finite', (name,), no_column=True))
-
-
-def _shown(line: bytes) -> str:
-    """Decode a line; the time of day of a serial monitor is a cell."""
-    text = _decoded(line)
-    return text.replace(_ARROW, cells_of(text)[0] or ' ')
 
 
 def _decoded(data: bytes) -> str:
@@ -512,21 +458,6 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence
                   'where that comes of decimal commas, write semicolons between the cells')
         raise ImuAllanError(f'the rows have {fields} fields, the header names {named}, so that '
                             f'none can be recognized by its name; {advice}')
-
-
-def _refuse_grouped_times(times: Sequence[str]) -> None:
-    """Raise an error if times have thousands separators, which would be read as decimal marks."""
-    in_groups = re.compile(r'(\d{1,3})(?:[.,]\d{3})+')
-    for before, time in pairwise(times):
-        whole = re.fullmatch('[0-9]{1,3}', before)
-        if not (whole or in_groups.fullmatch(before)):
-            return
-        grouped = in_groups.fullmatch(time)
-        # Read as a fraction, it would be smaller than the time before.
-        if (whole and grouped and int(re.sub(r'\D', '', time)) > int(before)
-                and int(before) > int(grouped[1]) + 1):
-            raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
-                                'between thousands; write the times without')
 
 
 def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clock | None:

@@ -11,7 +11,7 @@ phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nse
 Words for time and sensors may be German, Spanish, French, Italian or Portuguese.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import re
 
@@ -43,8 +43,6 @@ _AXES = [(sensor, choice, re.compile(
     rf'{_OF}(?:(?:{words})[/._-]{{0,2}}(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
     rf'|(?P<first>[xyz])[._-](?:{words}))'))
     for choice, names in enumerate((_SENSORS, _SECOND_CHOICE)) for sensor, words in names.items()]
-_NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
-             for sensor, words in _SENSORS.items()}
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -110,9 +108,8 @@ class Columns:
         The times, if there are any.
     axes : tuple of (int, int, float)
         Column index in the file, column index in the samples, and factor to SI units.
-    ignored, lookalikes : tuple of str
-        Names of the unused columns, and of those among them that resemble axes of a missing
-        sensor.
+    ignored : tuple of str
+        Names of the unused columns.
     temperature : int or None
         Index of a column with the temperature.
     headless : bool
@@ -124,7 +121,6 @@ class Columns:
     clock: Clock | None
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
-    lookalikes: tuple[str, ...] = ()
     temperature: int | None = None
     headless: bool = False
 
@@ -185,9 +181,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
                                          else [names[column], bare[column]]))), None)
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
                                    if column not in read and column != temperature]
-    missing = len({axis.partition('_')[0] for axis in axes}) < len(_SENSORS) and not chosen
-    return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored),
-                   tuple(_lookalikes(ignored)) if missing else (), temperature, headless)
+    return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored), temperature, headless)
 
 
 def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[Clock], bool],
@@ -364,10 +358,8 @@ def _choice(name: str, unit: str | None) -> tuple[int, str | None]:
 
 def _meanings(named: Sequence[tuple[str, str | None]]) -> Mapping[int, str]:
     """Map columns, given by name and unit, to times and to the axes with the best names."""
-    counted = _numbered_axes([name for name, _ in named])
     found = {column: (choice, meaning) for column, (name, unit) in enumerate(named)
-             for choice, meaning in [(0, counted.get(name)) if name in counted
-                                     else _choice(name, unit)] if meaning is not None}
+             for choice, meaning in [_choice(name, unit)] if meaning is not None}
     best: dict[str, int] = {}
     for choice, meaning in found.values():
         sensor = meaning.partition('_')[0]
@@ -391,21 +383,6 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 def is_rest_of_imu(cell: str) -> bool:
     """Return whether a column is another field of an Imu: header, orientation or covariance."""
     return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
-
-
-def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
-    """Map the names of three columns numbered from 0 or 1, such as ``gyro1``, to axes."""
-    found: dict[str, str] = {}
-    for sensor, pattern in _NUMBERED.items():
-        of: dict[str, dict[int, str]] = {}
-        for name in names:
-            if (match := pattern.fullmatch(name.lower())) is not None:
-                of.setdefault(match[1], {})[int(match[2])] = name
-        for columns in of.values():
-            if sorted(columns) in ([0, 1, 2], [1, 2, 3]):
-                found |= {name: f'{sensor}_{"xyz"[number - min(columns)]}'
-                          for number, name in columns.items()}
-    return found
 
 
 def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
@@ -433,17 +410,6 @@ def _stamp_of_axes(names: Sequence[str]) -> int | None:
     stamps = {match[1]: column for column, name in enumerate(names)
               if (match := _STAMP.fullmatch(name.lower())) and axis.startswith(match[1])}
     return stamps[max(stamps, key=len)] if stamps else None
-
-
-def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
-    """List the columns of triples that differ only in a final x, y or z."""
-    found: dict[str, dict[str, str]] = {}
-    for cell in ignored:
-        name = name_and_unit(cell)[0].lower()
-        match = re.fullmatch(r'(.*?)[._-]?([xyz])([._-]?axis)?', name)
-        if match is not None and not _REST_OF_IMU.fullmatch(name):
-            found.setdefault(match[1] + (match[3] or ''), {}).setdefault(match[2], cell)
-    return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
 
 
 def _unit_in_name(name: str) -> str | None:

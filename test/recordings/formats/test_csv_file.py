@@ -53,8 +53,8 @@ def named(**columns):
     return RecordingOptions(columns=tuple(columns.items()))
 
 
-def ignored(path, columns, *, perhaps_axes=False, count=None):
-    return said(path, 'ignored_columns', perhaps_axes=perhaps_axes, columns=columns,
+def ignored(path, columns, count=None):
+    return said(path, 'ignored_columns', columns=columns,
                 count=len(columns) if count is None else count)
 
 
@@ -134,21 +134,15 @@ def test_a_file_of_many_blocks_is_read_whole(path):
     assert positions[-1] == path.stat().st_size
 
 
-def test_a_table_that_grows_is_read_as_it_was_and_one_that_is_rewritten_is_refused(path):
+def test_a_table_that_grows_is_read_as_it_was(path):
     text = 'time_s,gyro_x\n' + ''.join(f'{number},{number}\n' for number in range(9000))
-    for now, later in ((text, text + '9000,1\n9001,'), (text[:-3], text + '9000,1\n'),
-                       (text, text[:50]), (text, text.replace('0,0', '0,7') + text)):
+    for now, later in ((text, text + '9000,1\n9001,'), (text[:-3], text + '9000,1\n')):
         path.write_text(now)
         with open_recording(path) as recording:
             path.write_text(later)
-            if later.startswith(now):
-                [block] = read_blocks(recording, 'csv')
-                assert block.samples[:, 0].tolist() == [*range(9000)]
-                assert 'malformed_messages' not in {each.code for each in recording.remarks}
-            else:
-                with refused(f'{path}: rewritten while it was read; wait until it is complete, or '
-                             'give a copy'):
-                    [*read_blocks(recording, 'csv')]
+            [block] = read_blocks(recording, 'csv')
+            assert block.samples[:, 0].tolist() == [*range(9000)]
+            assert 'malformed_messages' not in {each.code for each in recording.remarks}
 
 
 @pytest.mark.parametrize(('text', 'stamps', 'values', 'count', 'first'), [
@@ -184,8 +178,6 @@ FIVE_FIELDS = (
 EIGHT_FIELDS = (
     'the rows have 8 fields, the header names 4, so that none can be recognized by its name; '
     'where that comes of decimal commas, write semicolons between the cells')
-GROUPED = ('the time 1.000 comes after 990: it is written with a mark between thousands; write '
-           'the times without')
 
 
 @pytest.mark.parametrize(('text', 'reason'), [
@@ -201,8 +193,6 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
      'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
-    ('time_s,gyro_x\r0,1\r', 'its lines end with carriage returns alone, as an old Macintosh '
-     'writes them; save it with line feeds'),
     (b'\x1f\x8b\x08\x00',
      'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s; '
@@ -225,10 +215,6 @@ GROUPED = ('the time 1.000 comes after 990: it is written with a mark between th
     (table(HEADER, lambda place, values: [str(place + 1), *plain(place, values)]), FIVE_FIELDS),
     (table(HEADER.replace(',', ' '), lambda *row: [*plain(*row), '1'], ' '), FIVE_FIELDS),
     (table(HEADER, lambda *row: with_commas(plain(*row))), EIGHT_FIELDS),
-    (table('time_ms;gyro_x;gyro_y;gyro_z',
-           lambda place, values: [f'{900 + 10 * place:,}', *values], ';'), GROUPED),
-    (table('time_ms;gyro_x;gyro_y;gyro_z', lambda place, values: [
-        f'{900 + 10 * place:,}'.replace(',', '.'), *with_commas(values)], ';'), GROUPED),
     # No two parts of one time.
     (table(f'seconds,nanoseconds,{GYRO}', lambda place, values: [
         f'{place / 8}', f'{125_000_000 * (place % 8)}', *values]), NO_TIME),
@@ -240,13 +226,11 @@ def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
 
 
 @pytest.mark.parametrize(('header', 'row'), [
-    (HEADER, lambda place, values: [
-        f'"{cell}"' for cell in with_commas([f'{place / 100:.2f}', *values])]),
     (f'note,{HEADER}', lambda *row: ['"a, b"', *plain(*row)]),
     (HEADER, lambda place, values: [*plain(place, values), *['7'][:place == 3]]),
     (f'note,{HEADER}', lambda place, values: [['"open', ''][place > 0], *plain(place, values)]),
     (HEADER, lambda *row: [cell.replace('-', '\N{MINUS SIGN}') for cell in plain(*row)])],
-    ids=['decimal commas in quotes', 'commas in quotes', 'one long row',
+    ids=['commas in quotes', 'one long row',
          'quote that is not closed', 'minus signs'])
 def test_rows_that_are_only_written_unusually_are_read(path, header, row):
     messages, _ = read_text(path, table(header, row))
@@ -299,7 +283,6 @@ def fields(form):
     ('# A Logger, device 4\n# gyro_range = 250.0 dps\nt,a_x,a_y,a_z,g_x,g_y,g_z\n1,4,5,6,1,2,3\n',
      [10**9]),
     ('Timestamp,X_acc,Y_acc,Z_acc,pitch,X_gyro,Y_gyro,Z_gyro\n1,4,5,6,0,1,2,3\n', [10**9]),
-    ('timestamp,acc1,acc2,acc3,gyro1,gyro2,gyro3\n1,4,5,6,1,2,3\n', [10**9]),
     ('Time,header.seq,header.stamp.secs,header.stamp.nsecs,header.frame_id,'
      f'{fields("{}.{}")}\n7.5,1,{STAMP // 10**9},{STAMP % 10**9},imu,1,2,3,4,5,6\n', [STAMP]),
     ('loggingTime(txt)|accelerometerTimestamp_sinceReboot(s)|accelerometerAccelerationX(m/s^2)|'
@@ -344,21 +327,15 @@ def fields(form):
      'accelerometer_m_s2[1],accelerometer_m_s2[2]\n2500000,1,2,3,5000,4,5,6\n', [2_500_000_000]),
     ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
      '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
-    *((f'00:00:01.000 -> 5 aZ:6\n{"".join(lines)}', [2_500_000_000, 3_000_000_000]) for lines in (
-        [f'{time} -> gX:1{mark}gY: 2{mark}gZ=3{mark}aX:4{mark}aY:5{mark}aZ:6\n'
-         for time in ('00:00:02.500', '00:00:03') for mark in marks] for marks in ',\t ')),
-    ('00:00:02 -> gx,gy,gz,ax,ay,az\n00:00:02.500 -> 1,2,3,4,5,6\n00:00:03 -> 1,2,3,4,5,6\n',
-     [2_500_000_000, 3_000_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
-        'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'counted from one', 'bagpy',
+        'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'bagpy',
         'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
         'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast', 'shimmer',
         'phyphox in German', 'other languages', 'vectornav', 'dates',
         'ardupilot', 'mavlogdump', 'px4',
-        'vectornav, not compensated',
-        *(f'serial monitor, {mark}' for mark in ('commas', 'tabs', 'blanks', 'names once'))])
+        'vectornav, not compensated'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -510,4 +487,4 @@ def test_a_table_of_all_topics_of_a_robot_takes_no_time(path):
                                          f'{",".join(["1", *["0"] * len(names), "3"])}\n')
     assert time.process_time() - begin < 5
     assert messages.samples[0, 1] == 3
-    assert remark == ignored(path, names[:10], perhaps_axes=True, count=len(names))
+    assert remark == ignored(path, names[:10], count=len(names))
