@@ -156,7 +156,6 @@ CODES: Mapping[str, Code] = {
     'short_part': _know(recorded_s=Seconds, asked_s=Seconds),
     'ignored_columns': _know(count=Count, columns=tuple[Text, ...]),
     'repeated_part': _know(messages=Count),
-    'many_topics': _know(what=Text, listed=Count),
     'many_definitions': _know(),
     'no_metadata': _know(reason=Text | None),
     'unfinished_recording': _know(

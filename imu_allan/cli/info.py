@@ -109,8 +109,8 @@ def _choice(recording: 'Recording') -> str:
     try:
         streams = choose_streams(recording)
     except ImuAllanError:
-        return 'not one IMU: ' + (recording.reason_not_paired or 'choose a topic with --topic, or '
-                                  'halves with --gyro-topic and --accel-topic')
+        return ('not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
+                '--accel-topic')
     if len(streams) == 1:
         return f'read where no topic is named: {printable(streams[0].topic)}'
     gyro, accel = (printable(stream.topic) for stream in streams)

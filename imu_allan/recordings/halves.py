@@ -80,8 +80,6 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             raise ImuAllanError('--topic names one topic, --gyro-topic and --accel-topic two; '
                                 'give the one or the two')
         return _two(choose_topic(recording, gyro), choose_topic(recording, accel))
-    if topic is None and recording.reason_not_paired:
-        raise ImuAllanError(f'{printable(recording.path)}: {recording.reason_not_paired}')
     if topic is None and recording.preferred:
         _report_choice(recording)
         if len(recording.preferred) == 2:

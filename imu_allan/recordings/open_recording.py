@@ -228,9 +228,6 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
     if head.startswith((b'\x1f\x8b', b'PK\x03\x04')):
         raise ImuAllanError(f'{printable(path)}: compressed with gzip or zip; take its '
                             'files out, or save it as plain text in CSV')
-    if head.startswith(b'FMT,'):
-        raise ImuAllanError(f'{printable(path)}: a dataflash log of ArduPilot as text; give the '
-                            '.bin that it was made from')
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
             separator in head for separator in (b',', b';', b'\t'))):
         from imu_allan.recordings.formats.csv_file import CsvRecording

@@ -55,8 +55,6 @@ class Recording(ABC):
         if the user has to choose.
     preferred_for : str
         Why they are preferred, in words for the user.
-    reason_not_paired : str
-        Why two topics that look like the halves of an IMU are not read as one; else empty.
     size_bytes : int
         Bytes that `decoded` processes, to report progress.
     untimed : bool
@@ -85,7 +83,6 @@ class Recording(ABC):
         self.reasons: dict[str, str] = {}
         self.preferred: tuple[str, ...] = ()
         self.preferred_for = 'with the highest rate'
-        self.reason_not_paired = ''
         self.size_bytes = 0
         self.untimed = False
         self.folders: list[Path] = []
@@ -152,7 +149,8 @@ class Recording(ABC):
 
     def reserve_bytes(self, size: int) -> bool:
         """Return whether a description of `size` bytes can be kept; add a remark if not."""
-        self._kept_bytes += size
+        # One takes another kilobyte as objects.
+        self._kept_bytes += size + 1024
         # The largest ROS definition has 40,000 bytes, but a few kilobytes of zstd can expand to
         # hundreds of megabytes of names and definitions.
         most = 1 << 26

@@ -745,10 +745,6 @@ WORDS: Mapping[str, Words] = {
         'Stamps and values repeat those before.',
         says=lambda f: f'left out {counted(f.messages, "message")} whose stamps and values repeat '
                        'those of earlier ones'),
-    'many_topics': Words(
-        'many topics', 'The recording holds more topics than are listed.',
-        'They are counted.',
-        says=lambda f: f'its first {f.listed:,} {f.what} are listed, the others are not read'),
     'many_definitions': Words(
         'many definitions', 'The descriptions of topics are too long to be true.',
         'Their bytes are counted.',

@@ -93,18 +93,6 @@ class CsvRecording(FileRecording):
         """Return the sensors that have columns: 'gyro', 'accel' or both."""
         return sorted({*map(_sensor_of, self._columns.axes)})
 
-    def span_ns(self) -> tuple[int, int] | None:
-        """Return the smallest and largest stamp near the two ends; None if there are none."""
-        found: list[int] = []
-        for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
-            lines, _ = next(self._lines(start), ([], 0))
-            # Drop the first line, which may be incomplete.
-            _, stamps, _ = _parse(lines[start > self._data_at:], self._columns)
-            if stamps is None or not len(stamps):
-                return None
-            found += [int(stamps.min()), int(stamps.max())]
-        return min(found), max(found)
-
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the number of bytes consumed so far."""
         columns = self._columns

@@ -69,7 +69,6 @@ class McapRecording(ChunkedRecording):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
-        self._described = 0
         super().__init__(path, stored, options)
 
     def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
@@ -151,9 +150,7 @@ class McapRecording(ChunkedRecording):
         if (opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or number in known
                 or len(body) > LARGEST_DESCRIPTION):
             return None
-        self._described += 1
-        # There are 65,536 ids each for channels and schemas.
-        if self._described > 1 << 18 or not self.reserve_bytes(len(body)):
+        if not self.reserve_bytes(len(body)):
             return None
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)

@@ -11,7 +11,6 @@ References
 PX4 Guide, ULog File Format: a header of 16 bytes, then messages with size, type and body. Formats
 (F) define the fields of a topic, subscriptions (A) assign its number, and data (D) begin with that
 number. Reading resumes after damage at synchronization messages (S), which occur now and then.
-Data may be appended after a crash, at offsets that the flags (B) list.
 
 """
 
@@ -19,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 import re
-from struct import Struct, unpack_from
+from struct import Struct
 from typing import Any
 
 from imu_allan.recordings.formats.table import (
@@ -40,8 +39,8 @@ _TYPES = {
     'sensor_combined': 'SensorCombined', 'vehicle_imu': 'VehicleImu',
     'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
     'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
-_HEAD, _FLAGS = 16, 40
-"""Sizes in bytes of the file header (magic, version, time) and of the body of the flags."""
+_HEAD = 16
+"""Bytes of the file header: magic, version, time."""
 _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
           'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
           'bool': '?', 'char': 'S1'}
@@ -94,31 +93,19 @@ class UlogRecording(TableLog):
     def _tables(self, reader: '_LogReader') -> Iterator[tuple[str, Records, int]]:
         """Gather messages; yield topic name, records and bytes consumed."""
         with self._stored.open('rb') as file:
-            for start, stop in _segments(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
-                file.seek(start)
-                rest, at = b'', start
-                # A megabyte holds some 10,000 messages, and is larger than any single one.
-                while at < stop and (more := file.read(min(1 << 20, stop - at))):
-                    at += len(more)
-                    data = rest + more
-                    rest = data[reader.through(data):]
-                    for name, table in reader.extract(data):
-                        yield name, table, at
-                reader.left = len(rest)
+            at, rest = file.seek(_HEAD), b''
+            # A megabyte holds some 10,000 messages, and is larger than any single one.
+            while more := file.read(1 << 20):
+                at += len(more)
+                data = rest + more
+                rest = data[reader.through(data):]
+                for name, table in reader.extract(data):
+                    yield name, table, at
+            reader.left = len(rest)
 
 
 def _type_of(topic: str) -> str:
     return f'px4_msgs/msg/{_TYPES[topic.partition(".")[0]]}'
-
-
-def _segments(head: bytes, size: int) -> list[tuple[int, int]]:
-    """Return the byte ranges of the data: the main segment and each appended one."""
-    places = [_HEAD]
-    if len(head) >= _HEAD + 3 + _FLAGS and head[_HEAD + 2] == ord('B') and head[_HEAD + 11] & 1:
-        places += [place for place in unpack_from('<3Q', head, _HEAD + 19)
-                   if places[-1] < place < size]
-    places = sorted(places)
-    return list(zip(places, [*places[1:], size], strict=True))
 
 
 class _LogReader:

@@ -114,17 +114,12 @@ class Ros1Recording(ChunkedRecording):
 
     def _describe(self, fields: _Fields, data: bytes) -> int | None:
         """Store a connection record; return its number if it is new."""
-        # Each publisher of each topic has one; a hostile bag may have one every 50 bytes.
-        most = 1 << 16
         with suppress(DamagedData):
             number = _number(fields, 'conn', 4)
             if number in self._channels:
                 return None
             topic = _text(fields, 'topic')
             if not self.reserve_bytes(len(topic) + len(data)):
-                return None
-            if len(self._channels) == most:
-                self.remark('many_topics', what='connections', listed=most)
                 return None
             described = _fields_of(data)
             text = described.get('message_definition', b'').decode('utf-8', 'replace')

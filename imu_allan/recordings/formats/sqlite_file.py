@@ -38,8 +38,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_MOST_TOPICS = 1 << 16
-"""Most topics to list, as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
 """Most ids that one topic may have; rosbag2 assigns one."""
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
@@ -169,22 +167,32 @@ class SqliteRecording(FileRecording):
             self._numbers = {}
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
-            room = self._room
             texts = ', '.join(map(_TEXT.format, ('name', 'type', 'serialization_format')))
-            for place, (number, name, kind, form) in enumerate(database.execute(
-                    f'SELECT rowid, {texts} FROM topics NOT INDEXED ORDER BY rowid '
-                    f'LIMIT {_MOST_TOPICS + 1}')):
-                if place == _MOST_TOPICS:
-                    self.remark('many_topics', what='topics', listed=_MOST_TOPICS)
+            for number, name, kind, form in database.execute(
+                    f'SELECT rowid, {texts} FROM topics NOT INDEXED ORDER BY rowid'):
+                if not self.reserve_bytes(len(name) + len(kind) + len(form)):
                     break
-                room -= len(name) + len(kind) + len(form)
-                if room < 0:
-                    raise sqlite3.DatabaseError('its topics have more text than the file')
                 if form != 'cdr':
                     self.other_topics[name] = f'{kind} encoded as {form}'
                 elif kinds.setdefault(name, kind) == kind:
                     self._numbers.setdefault(name, []).append(number)
-            return kinds, _definitions(database, set(kinds.values()), self._room)
+            return kinds, self._definitions(database, set(kinds.values()))
+
+    def _definitions(self, database: sqlite3.Connection, kinds: set[str],
+                     ) -> dict[str, Definition]:
+        """Look up the definitions of types, which bags contain since ROS 2 Iron."""
+        found: dict[str, Definition] = {}
+        with suppress(sqlite3.Error):
+            require_plain_tables(database, ['message_definitions'])
+            texts = ', '.join(map(_TEXT.format, (
+                'topic_type', 'encoding', 'encoded_message_definition')))
+            for kind, form, text in database.execute(
+                    f'SELECT {texts} FROM message_definitions NOT INDEXED ORDER BY rowid'):
+                if not self.reserve_bytes(len(text)):
+                    break
+                if kind in kinds and form in FORMS and text.strip():
+                    found.setdefault(kind, Definition(text, FORMS[form]))
+        return found
 
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
         """Return whether a topic has messages; in a large file, whether any topic has."""
@@ -286,22 +294,3 @@ def _parts_of_rows(database: sqlite3.Connection) -> list[int]:
     span = (last - first) // 200 + 1
     # In a damaged file, rows may lie beyond the first and last one found.
     return [first, *range(first + span, last + 1, span), 2**63]
-
-
-def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,
-                 ) -> dict[str, Definition]:
-    """Look up the definitions of types, which bags contain since ROS 2 Iron."""
-    found: dict[str, Definition] = {}
-    with suppress(sqlite3.Error):
-        require_plain_tables(database, ['message_definitions'])
-        texts = ', '.join(map(_TEXT.format, (
-            'topic_type', 'encoding', 'encoded_message_definition')))
-        for kind, form, text in database.execute(
-                f'SELECT {texts} FROM message_definitions NOT INDEXED ORDER BY rowid '
-                f'LIMIT {_MOST_TOPICS}'):
-            room -= len(text)
-            if room < 0:
-                break
-            if kind in kinds and form in FORMS and text.strip():
-                found.setdefault(kind, Definition(text, FORMS[form]))
-    return found

@@ -16,7 +16,7 @@ from imu_allan.recordings.formats.csv_header import NamesNoAxis
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
-from imu_allan.wording import duration, NO_TOPIC, SENSORS
+from imu_allan.wording import NO_TOPIC, SENSORS
 
 
 def tables_in(folder: Path) -> list[Path]:
@@ -68,9 +68,7 @@ class TableFolder(Recording):
         preferred = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
         gyro, accel = (_best(names, preferred[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:
-            self.reason_not_paired = self._why_not_paired(gyro, accel)
-            if not self.reason_not_paired:
-                self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
+            self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table; yield blocks, each with its share of the bytes of all files."""
@@ -106,22 +104,6 @@ class TableFolder(Recording):
         # List likely files first; most of a phone's thirty sensors are not part of an IMU.
         names = sorted(self.reasons, key=lambda name: not re.search('gyr|acc|imu', name.lower()))
         return '; '.join([said, *(self.reasons[name] for name in names[:2])])
-
-    def _why_not_paired(self, gyro: str, accel: str) -> str:
-        """Explain why two tables are not one recording; return '' if their times overlap."""
-        spans = []
-        for name in (gyro, accel):
-            file = self._files[name]
-            if (span := self._table(file).span_ns()) is not None:
-                spans.append((*span, printable(name)))
-        if len(spans) < 2:
-            return ''
-        (_, end, first), (begin, _, second) = sorted(spans)
-        if begin <= end:
-            return ''
-        return (f'{first} ends {duration((begin - end) / 1e9)} before {second} begins: two '
-                f'recordings, or two clocks; --gyro-topic {printable(gyro)} --accel-topic '
-                f'{printable(accel)} takes them for one IMU nevertheless')
 
 
 def _best(names: list[str], best: tuple[str, ...]) -> str | None:

@@ -28,7 +28,7 @@ from imu_allan.recordings.messages.imu_fields import (
     Vector,
     vector_of,
 )
-from imu_allan.recordings.messages.known_types import KNOWN, reason_against
+from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
 
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
@@ -98,9 +98,6 @@ def _imus_in(
     factors = options.factors
     if kind in IMU_TYPES:
         return {topic: ImuMessages(kind, serialization, factors=factors)}
-    reason = reason_against(topic)
-    if reason is not None:
-        raise NotRead(f'no raw data ({reason})')
     if kind in KNOWN:
         types = _types(kind, serialization, definition, options)
         return {topic: ImuMessages(kind, serialization, _present(KNOWN[kind], types, kind),

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Driver message types with known fields, units and clock, and those without raw data.
+Driver message types with known fields, units and clock.
 
 Each entry was derived from the definition and the driver named beside it. The factors convert from
 the units of the fields to rad/s and m/s^2.
@@ -67,12 +67,3 @@ KNOWN: Mapping[str, ImuFields] = {
         (Stamp('stamp'),), temperature='temperature'),
 }
 """How to read messages of known types, by type name."""
-
-
-def reason_against(topic: str) -> str | None:
-    """Return why a topic of another type holds no raw data; None if no reason is known."""
-    if topic.endswith('/free_acceleration'):
-        return 'xsens_mti_driver: filtered, gravity removed'
-    if topic.endswith(('/imu/dq', '/imu/dv')):
-        return 'xsens_mti_driver: increments of the strap-down integration, not samples'
-    return None

@@ -189,8 +189,6 @@ EIGHT_FIELDS = (
      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
     ('time_s,gyro_x\n', 'no line of samples: see what it holds with imu_allan info'),
-    ('FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n',
-     'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
     (b'\x1f\x8b\x08\x00',

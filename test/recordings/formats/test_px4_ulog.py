@@ -133,15 +133,3 @@ def test_the_number_of_a_topic_may_go_over_to_another_and_back(tmp_path):
             framed(b'D', bytes(2) + message) for message in more)
     (tmp_path / 'b.ulg').write_bytes(data)
     assert_same(read(tmp_path / 'b.ulg')[0], read(whole)[0])
-
-
-def test_what_was_appended_after_a_crash_is_read(tmp_path):
-    whole = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
-    data = bytearray(whole.read_bytes())
-    one = len(framed(b'D', b'--' + combined()[1][0]))
-    place = len(data) - 100 * one
-    # The flags: appended data, and from where; what is before breaks off in a message.
-    data[16 + 11] |= 1
-    data[16 + 3 + 16:16 + 3 + 24] = (place + 20).to_bytes(8, 'little')
-    (tmp_path / 'b.ulg').write_bytes(bytes(data[:place] + data[place:place + 20] + data[place:]))
-    assert_same(read(tmp_path / 'b.ulg')[0], read(whole)[0])

@@ -101,20 +101,3 @@ def test_tables_without_times_are_counted_at_the_rate(tmp_path):
     result = analyze(tmp_path, options=TimelineOptions(rate_hz=200.0))
     assert result.source.topic == 'gyro.csv, accel.csv'
     assert result.timeline.duration_s == pytest.approx(2.0)
-
-
-def test_tables_of_two_recordings_are_no_imu(tmp_path, output_of):
-    for run, sensor, start in ((1, 'gyro', 1_700_000_000), (2, 'accel', 1_700_086_400)):
-        (tmp_path / f'run{run}_{sensor}.csv').write_text('\n'.join([
-            f'time,{sensor}_x,{sensor}_y,{sensor}_z',
-            *(f'{start + n / 100:.2f},{n % 7},{n % 5},{n % 3}' for n in range(3000))]))
-    reason = ('run1_gyro.csv ends 24 h before run2_accel.csv begins: two recordings, or two '
-              'clocks; --gyro-topic run1_gyro.csv --accel-topic run2_accel.csv takes them for '
-              'one IMU nevertheless')
-    with refused(f'{tmp_path}: {reason}'):
-        analyze(tmp_path)
-    assert f'not one IMU: {reason}' in output_of('info', tmp_path).splitlines()
-    shown = output_of('info', tmp_path, '--gyro-topic', 'run1_gyro.csv', '--accel-topic',
-                      'run2_accel.csv')
-    assert ('one IMU in two halves: the gyroscope from run1_gyro.csv, the accelerometer from '
-            'run2_accel.csv') in shown.splitlines()

@@ -181,17 +181,6 @@ def test_a_few_lines_that_define_billions_of_messages_are_not_searched_for_ever(
             found_by_shape(types, 'a/msg/A')
 
 
-def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
-    kind = 'geometry_msgs/msg/Vector3Stamped'
-    store = store_with({})
-    made = store.types[kind](stamped(store, 0), other_types.vector(store, [1, 2, 3]))
-    path = write_mcap(tmp_path / 'a.mcap', kind, full_definition(store, kind),
-                      [store.serialize_cdr(made, kind)], topic='/filter/free_acceleration')
-    assert refusal(path, topic='/filter/free_acceleration') == (
-        f'topic /filter/free_acceleration is of type {kind}, not sensor_msgs/msg/Imu; no raw data '
-        '(xsens_mti_driver: filtered, gravity removed)')
-
-
 @pytest.mark.parametrize(('kind', 'definition', 'reason'), [
     ('px4_msgs/msg/SensorCombined', 'uint64 timestamp\nfloat32[3] gyro_rad\n',
      'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that comes '
