@@ -128,8 +128,17 @@ def decode_imu_rows(
 
     Another frame_id or byte order begins another block.
     """
+    if not len(rows):
+        return []
+    # In the usual case the layout of the first is that of all.
+    with suppress(MalformedImu):
+        layout = imu_layout(rows[0].data, serialization)
+        if rows_like_first(rows, _key_spans(layout, serialization)) is None:
+            return [_decode_run(rows, receive_ns, layout, serialization)]
+    # The padding after the text may hold anything, so a key ends with its text.
+    keys = np.array([_key(row, serialization) for row in rows], object)
     blocks: list[ImuBlock] = []
-    for start, stop in _uniform_runs(rows, serialization):
+    for start, stop in runs(keys[1:] != keys[:-1], len(keys)):
         run = rows[start:stop]
         try:
             layout = imu_layout(run[0].data, serialization)
@@ -241,22 +250,6 @@ def _decode_run(
     return ImuBlock(header_ns, np.array(receive_ns, np.int64), samples, absent, layout.frame_id)
 
 
-def _uniform_runs(
-    rows: NDArray[np.uint8], serialization: Serialization,
-) -> Iterator[tuple[int, int]]:
-    """Yield spans of rows that share byte order and frame_id, and therefore one layout."""
-    if len(rows) == 0:
-        return
-    with suppress(MalformedImu):
-        layout = imu_layout(rows[0].data, serialization)
-        if rows_like_first(rows, _key_spans(layout, serialization)) is None:
-            yield 0, len(rows)
-            return
-    # The padding after the text may hold anything, so a key ends with its text.
-    keys = np.array([_key(row, serialization) for row in rows], object)
-    yield from runs(keys[1:] != keys[:-1], len(keys))
-
-
 def _key_spans(layout: ImuLayout, serialization: Serialization) -> list[tuple[int, int]]:
     text = (_TEXT_LENGTH_AT, layout.text_end)
     return [(0, 2), text] if serialization == 'cdr' else [text]
@@ -275,17 +268,15 @@ def rows_like_first(rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]]) -
     """Return which rows have the bytes of the first in these spans; None if all have."""
     like: Bools | None = None
     for start, stop in spans:
-        # Short texts are compared as numbers: five passes cost as much as one copy.
-        if stop - start > 32:
-            items = rows[:, start:stop].view(f'V{stop - start}')
-            if items.tobytes() != items[0].tobytes() * len(rows):
-                same = (rows[:, start:stop] == rows[0, start:stop]).all(axis=1)
-                like = same if like is None else like & same
-            continue
-        for place, kind in _as_numbers(start, stop):
-            numbers = rows[:, place].view(kind)[:, 0]
-            same = numbers == numbers[0]
-            if not same.all():
+        # Five copies of numbers cost as much as one of a text.
+        short = stop - start <= 32
+        parts = _as_numbers(start, stop) if short else [
+            (slice(start, stop), f'V{stop - start}')]
+        for place, kind in parts:
+            items = rows[:, place].view(kind)[:, 0]
+            if items.tobytes() != items[:1].tobytes() * len(rows):
+                same = items == items[0] if short else (
+                    rows[:, place] == rows[0, place]).all(axis=1)
                 like = same if like is None else like & same
     return like
 

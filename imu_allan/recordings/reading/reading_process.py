@@ -16,7 +16,7 @@ pipe closed and ends too. The memory is anonymous and disappears with them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from mmap import mmap
 import os
@@ -78,7 +78,7 @@ def _received(recording: Recording, topic: str, process: subprocess.Popen[bytes]
                 slot, messages, frame_id, position = item
                 block = ImuBlock(frame_id=frame_id, **{
                     name: values.copy('K')
-                    for name, values in _arrays(slots[slot], messages).items()})
+                    for name, values in _arrays(slots[slot], 0, messages).items()})
                 with suppress(BrokenPipeError):
                     process.stdin.write(bytes([slot]))
                 yield block, position
@@ -125,7 +125,7 @@ def serve() -> None:
     exit_on_sigterm()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
-    slots, free = _slots(memory), list(range(SLOTS))
+    slots = _slots(memory)
     reports = os.fdopen(os.dup(1), 'wb')
 
     def report(item: object) -> None:
@@ -140,14 +140,7 @@ def serve() -> None:
         try:
             # Always close the generator, since a recording may have unpacked files to remove.
             with closing(recording.decoded(topic)) as decoded:
-                for block, position in larger_blocks(decoded, SLOT_MESSAGES):
-                    for start in range(0, len(block), SLOT_MESSAGES):
-                        part = block.part(slice(start, start + SLOT_MESSAGES))
-                        free += b'' if free else _returned_slots()
-                        slot = free.pop(0)
-                        for name, values in _arrays(slots[slot], len(part)).items():
-                            values[:] = getattr(part, name)
-                        report((slot, len(part), part.frame_id, position))
+                _fill(decoded, slots, report)
         except BrokenPipeError:
             raise
         except Exception as error:
@@ -157,6 +150,32 @@ def serve() -> None:
         report((failure, recording.remarks))
     # Exit at once: nothing is left to clean up, and the other process is waiting.
     os._exit(0)
+
+
+def _fill(decoded: Iterator[tuple[ImuBlock, int]], slots: NDArray[np.void],
+          report: Callable[[object], None]) -> None:
+    """Copy messages into slots, and report those that are full or end with a frame_id."""
+    free = list(range(SLOTS))
+    slot = filled = position = 0
+    frame_id = ''
+    try:
+        for block, position in decoded:
+            start = 0
+            while start < len(block):
+                if filled == SLOT_MESSAGES or (filled and block.frame_id != frame_id):
+                    report((slot, filled, frame_id, position))
+                    filled = 0
+                if not filled:
+                    free += b'' if free else _returned_slots()
+                    slot, frame_id = free.pop(0), block.frame_id
+                part = block.part(slice(start, start + SLOT_MESSAGES - filled))
+                for name, values in _arrays(slots[slot], filled, len(part)).items():
+                    values[:] = getattr(part, name)
+                start, filled = start + len(part), filled + len(part)
+    finally:
+        # An error is reported after the messages before it.
+        if filled:
+            report((slot, filled, frame_id, position))
 
 
 def _returned_slots() -> bytes:
@@ -185,9 +204,9 @@ def _slots(memory: int) -> NDArray[np.void]:
     return np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
 
 
-def _arrays(slot: np.void, messages: int) -> dict[str, NDArray[Any]]:
-    """View the first messages of a slot; the samples are stored axis by axis."""
-    return {name: slot[name].T[:messages] for name in _SLOT.names or ()}
+def _arrays(slot: np.void, first: int, messages: int) -> dict[str, NDArray[Any]]:
+    """View some messages of a slot; the samples are stored axis by axis."""
+    return {name: slot[name].T[first:first + messages] for name in _SLOT.names or ()}
 
 
 def _shared_memory() -> int:
