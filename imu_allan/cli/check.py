@@ -3,14 +3,11 @@
 """Compare a result or a recording with a datasheet."""
 
 import argparse
-from collections import Counter
 from contextlib import closing
 from dataclasses import replace
-import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.fleet import raise_last, require_new
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.cli.tasks import loaded_or_analyzed
@@ -70,39 +67,6 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write the requested files, and return the exit status."""
     from imu_allan.recordings import recordings_in
-    from imu_allan.wording import counted
-
-    specification, choice = arguments.specification_of(args.spec), choice_of(args)
-    sources = [str(path) for path in recordings_in(args.source, choice.reading)]
-    unit = arguments.inspection_of(args)
-    if len(sources) > 1 and any((
-            args.json, args.junit, args.certificate, unit is not None and unit.serial)):
-        args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
-                          '--junit, --certificate and --meta serial are of one')
-    outcomes: list[str] = []
-    known: dict[tuple[float, ...], str] = {}
-    complaints: list[ImuAllanError] = []
-    for source in sources:
-        try:
-            outcomes.append(_check(source, args, choice, specification, known))
-        except ImuAllanError as error:
-            complaints.append(error)
-    if len(sources) > 1:
-        print(f'{counted(len(outcomes), "recording")}: ' + ', '.join(
-            f'{count} {outcome}' for outcome, count in Counter(outcomes).most_common()))
-    # In addition to 0, 1 and 2 of every verb, so that scripts can distinguish a bad sensor from a
-    # bad command; a longer recording may turn 4 into 0 or 3.
-    if 'fail' in outcomes:
-        for complaint in complaints:
-            print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
-        return 3
-    raise_last(complaints)
-    return 4 if 'cannot tell' in outcomes and not args.allow_undecided else 0
-
-
-def _check(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel',
-           known: dict[tuple[float, ...], str]) -> str:
-    """Print the verdicts on one result or recording, and return the overall verdict."""
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
@@ -110,12 +74,16 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
     from imu_allan.writers.words import for_display, in_full
     from rich.measure import Measurement
 
+    specification, choice = arguments.specification_of(args.spec), choice_of(args)
+    source, *others = map(str, recordings_in(args.source, choice.reading))
+    if others:
+        raise ImuAllanError(f'{args.source}: holds {1 + len(others)} recordings; check each by '
+                            'itself')
     if args.live:
         result, verdicts = _live(source, args, choice, specification)
     else:
         result = loaded_or_analyzed(source, choice, progress=not args.no_progress)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
-    require_new(result, source, known)
     if (unit := arguments.inspection_of(args)) is not None:
         # Entries that are not given stay as they were.
         said = {key: value for key, value in vars(unit).items() if value is not None}
@@ -140,8 +108,11 @@ def _check(source: str, args: argparse.Namespace, choice: 'Choice', specificatio
                   f'{printable(specification.name or args.spec)}',
                   *wrapped([f'  ({number}) {sentence}' for number, sentence in enumerate(
                       datasheet.reasons(verdicts)[0], 1)], console.width, indent=6), sep='\n')
-    sys.stdout.flush()
-    return outcome
+    # In addition to 0, 1 and 2 of every verb, so that scripts can distinguish a bad sensor from a
+    # bad command; a longer recording may turn 4 into 0 or 3.
+    if outcome == 'fail':
+        return 3
+    return 4 if outcome == 'cannot tell' and not args.allow_undecided else 0
 
 
 def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'

@@ -31,10 +31,13 @@ class FleetResults:
         """Add a result; one from the same messages as an earlier one counts as a failure."""
         if not self._wanted:
             return
-        try:
-            require_new(result, task.unit, self._means)
-        except ImuAllanError as error:
-            self.fail(task.unit, task.path, error)
+        # Two recordings never have the same means to the last digit, except on dead axes.
+        means = tuple(axis.mean for axis in result.axes.values()
+                      if axis.mean is not None and not axis.constant)
+        if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
+            from imu_allan.analysis import same_messages_error
+
+            self.fail(task.unit, task.path, same_messages_error(other, task.unit))
             return
         # Signal and spectrum are most of a result; those of a thousand would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
@@ -63,17 +66,6 @@ class FleetResults:
             names = ', '.join(reversed([path.name for path in paths]))
             print_wrapped(f'Written to {printable(str(self._output))}: {names}; a folder for each '
                           'unit')
-
-
-def require_new(result: 'Result', unit: str, known: dict[tuple[float, ...], str]) -> None:
-    """Raise ImuAllanError if a result is from the messages of one before, else note it."""
-    from imu_allan.analysis import same_messages_error
-
-    # Two recordings never have the same means to the last digit, except on dead axes.
-    means = tuple(axis.mean for axis in result.axes.values()
-                  if axis.mean is not None and not axis.constant)
-    if means and (other := known.setdefault(means, unit)) != unit:
-        raise same_messages_error(other, unit)
 
 
 def in_one_line(unit: str, result: 'Result') -> str:

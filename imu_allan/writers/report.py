@@ -18,7 +18,7 @@ from typing import Any
 from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Coefficient, Result, Segment
+from imu_allan.result import Coefficient, Interval, Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.verdict import verdicts as sensor_verdicts
 from imu_allan.version import __version__
@@ -54,8 +54,8 @@ def report_html(result: Result) -> str:
         rest=wording.duration(timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes for sensor, axes, _ in own},
-        outlook=answer.longer_recording_note(result), cell=_cell, density=_density_of,
-        drift=_drift_of, mean=answer.written_mean, rest_s=timeline.rest_s,
+        outlook=answer.longer_recording_note(result), cell=_cell, of_segment=_of_segment,
+        mean=answer.written_mean, rest_s=timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for figures in found
                  for name, tuning in figures.tunings.items()],
         parts={sensor: known for sensor, axes, _ in own if (known := {
@@ -111,27 +111,15 @@ def _cell(coefficient: Coefficient) -> dict[str, str]:
     return {**cell, 'exact': '' if coefficient.value is None else repr(coefficient.value)}
 
 
-def _density_of(segment: Segment, unit: str) -> tuple[str, str]:
-    """Return the noise density of a segment and its interval as text; empty if unknown."""
-    if segment.noise_density is None or segment.ci95 is None:
+def _of_segment(value: float | None, ci95: Interval | None, unit: str) -> tuple[str, str]:
+    """Return a value of a segment and its interval or bound as text; empty if unknown."""
+    if value is None or ci95 is None:
         return '', ''
-    value, *ends = wording.measured(*(engineering(one, unit)[0] for one in (
-        segment.noise_density, *segment.ci95)))
-    return value, ' – '.join(ends)
-
-
-def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
-    """Return the drift level in a segment and its interval or bound as text; empty if unknown."""
-    if segment.drift_sigma is None:
-        return '', ''
-    level = engineering(segment.drift_sigma, unit)[0]
-    if segment.drift_ci95 is None:
-        return wording.number(level, 3), ''
-    low, high = (engineering(value, unit)[0] for value in segment.drift_ci95)
+    shown, low, high = (engineering(each, unit)[0] for each in (value, *ci95))
     if low == 0:
         return f'< {wording.number(high, 2)}', ''
-    value, *bounds = wording.measured(level, low, high)
-    return value, ' – '.join(bounds)
+    text, *ends = wording.measured(shown, low, high)
+    return text, ' – '.join(ends)
 
 
 def _configs(result: Result) -> list[dict[str, str]]:
