@@ -3,7 +3,6 @@
 """Characterize one or more recordings."""
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 import sys
@@ -134,7 +133,11 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 complaints.append(unsaved)
             elif task.folder is not None and len(tasks) == 1:
-                _report_files(task.folder, task.exports)
+                from imu_allan.writers.folder import kinds_of_files
+                from imu_allan.writers.terminal import print_wrapped
+
+                print_wrapped(f'Written to {printable(str(task.folder))}: '
+                              f'{", ".join(kinds_of_files(task.exports))}')
             topic = task.choice.topic
             source = task.path if not args.all_topics or topic is None else (
                 f'{task.path}, topic {shorten(topic)}')
@@ -216,11 +219,3 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         table.flush()
         print('\n'.join(configurations), end='')
         sys.stdout.flush()
-
-
-def _report_files(folder: Path, exports: Sequence[str]) -> None:
-    """Print what was written to a folder."""
-    from imu_allan.writers.folder import kinds_of_files
-    from imu_allan.writers.terminal import print_wrapped
-
-    print_wrapped(f'Written to {printable(str(folder))}: {", ".join(kinds_of_files(exports))}')
