@@ -17,7 +17,12 @@ from imu_allan.cli.fleet import (
     without_coefficient,
 )
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
+from imu_allan.cli.recording_options import (
+    add_recording_options,
+    add_timeline_options,
+    choice_of,
+    recordings_of,
+)
 from imu_allan.cli.tasks import folder_names, Task
 from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
@@ -83,11 +88,9 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Characterize every recording; show each result once it and all earlier ones are done."""
-    from imu_allan.recordings import recordings_in
-
     choice = choice_of(args)
     args.recordings = [str(path) for given in args.recordings
-                       for path in recordings_in(given, choice.reading)]
+                       for path in recordings_of(given, choice.reading)]
     apart = len(args.recordings) > 1 and not args.together
     of_one = ('--json' if args.json is not None
               else '--for' if args.consumers and args.output is None else None)

@@ -10,7 +10,11 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.fleet import raise_last
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.recording_options import (
+    add_recording_options,
+    recording_options,
+    recordings_of,
+)
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.writers.terminal import columns_of
 
@@ -41,10 +45,8 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the contents of the recording, or of each recording in a folder."""
-    from imu_allan.recordings import recordings_in
-
     complaints: list[ImuAllanError] = []
-    for number, path in enumerate(recordings_in(args.recording, recording_options(args))):
+    for number, path in enumerate(recordings_of(args.recording, recording_options(args))):
         if number:
             print()
         try:

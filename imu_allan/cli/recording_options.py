@@ -8,14 +8,30 @@ verb that characterizes takes both.
 """
 
 import argparse
+from contextlib import suppress
+from pathlib import Path
+import sys
 from typing import TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, moment, rate
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.recordings import RecordingOptions
+
+
+def recordings_of(given: str, reading: 'RecordingOptions') -> list[Path]:
+    """List the recordings at a path, and say which tables in a bag's folder are not read."""
+    from imu_allan.recordings import open_recording, recordings_in
+
+    folder = Path(given)
+    if (folder / 'metadata.yaml').is_file():
+        for table in sorted(folder.glob('*.csv')):
+            with suppress(ImuAllanError), open_recording(table, options=reading):
+                print(f'imu_allan: {printable(table)}: not read, as the folder is one recording; '
+                      'name the file itself', file=sys.stderr)
+    return recordings_in(folder, reading)
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:

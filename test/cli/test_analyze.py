@@ -54,6 +54,15 @@ def test_output_holds_what_python_returns_and_every_file(recording, tmp_path, ou
         assert json.loads(path.read_text()) == imu_allan.analyze(recording).to_dict()
 
 
+def test_a_table_of_an_imu_in_the_folder_of_a_bag_is_said_to_be_passed_over(tmp_path, model, ran):
+    bag = write_recording(tmp_path / 'bag', simulated_blocks(model, 100.0, 1000))
+    for name, column in ('imu', 'gyro_x'), ('gps', 'latitude'):
+        (bag / f'{name}.csv').write_text(f'time_s,{column}\n1,2\n2,3\n')
+    status, _, err = ran('info', bag)
+    assert (status, err) == (0, f'imu_allan: {bag}/imu.csv: not read, as the folder is one '
+                             'recording; name the file itself\n')
+
+
 def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, model, fails_with):
     others = [write_recording(tmp_path / name / 'at_rest', simulated_blocks(model, rate, 5000))
               for name, rate in (('b', 50.0), ('c', 200.0))]
