@@ -211,8 +211,8 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
     facts = [wording.amount_of(result.timeline),
              *(shorten(fact, 40) for fact in wording.origin_of(result)),
              f'imu_allan {shorten(printable(result.imu_allan_version), 20)}']
-    key = ('Points: measured, hollow where fewer than 3 degrees of freedom.  Line: what is '
-           'reported, shaded where 95 % of the points should fall.  Short dashes: at most')
+    key = ('Points: measured, hollow below 3 degrees of freedom.  Line: reported, shaded where '
+           '95 % of the points should fall, unless the mean moves.  Short dashes: at most')
     if what:
         title = f'{what}   {title}'
         key += '.  Dashed: its terms.  Ring: where the coefficient is read'
