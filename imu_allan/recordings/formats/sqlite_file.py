@@ -38,8 +38,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_MOST_NUMBERS = 500
-"""Most ids that one topic may have; rosbag2 assigns one."""
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 
 
@@ -49,7 +47,7 @@ class SqliteRecording(FileRecording):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         # SQLite looks for the log beside the target of a link, not beside the link.
         super().__init__(path, Path(os.path.realpath(stored)), options)
-        self._numbers: dict[str, list[int]] = {}
+        self._kinds: dict[str, str] = {}
         self._tolerant = False
         # Bytes of the file and its log, which bound the size of all rows.
         self._room = self.size_bytes
@@ -102,7 +100,7 @@ class SqliteRecording(FileRecording):
                 with untrusted_database(self._stored, 0, 'mode=rw'):
                     # Opening the database applies the log.
                     pass
-            kinds, definitions = self._described()
+            definitions = self._described()
         except (sqlite3.Error, OSError) as error:
             reason = error
             if log is not None:
@@ -110,11 +108,11 @@ class SqliteRecording(FileRecording):
                             reason=printable(reason))
             self._tolerant = True
             try:
-                kinds, definitions = self._described()
+                definitions = self._described()
             except sqlite3.Error:
                 raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
                                     f'({printable(reason)})') from reason
-        for name, kind in kinds.items():
+        for name, kind in self._kinds.items():
             self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
         with suppress(sqlite3.Error), self._database() as (database, _):
             self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
@@ -161,22 +159,21 @@ class SqliteRecording(FileRecording):
             require_plain_tables(opened[0], ('messages', 'topics'))
             yield opened
 
-    def _described(self) -> tuple[dict[str, str], dict[str, Definition]]:
-        """Look up the types of the topics and the available definitions of them."""
+    def _described(self) -> dict[str, Definition]:
+        """Look up the types of the topics; return the available definitions of them."""
         with self._database() as (database, _):
-            self._numbers = {}
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
-            kinds: dict[str, str] = {}
+            self._kinds = {}
             texts = ', '.join(map(_TEXT.format, ('name', 'type', 'serialization_format')))
-            for number, name, kind, form in database.execute(
-                    f'SELECT rowid, {texts} FROM topics NOT INDEXED ORDER BY rowid'):
+            for name, kind, form in database.execute(
+                    f'SELECT {texts} FROM topics NOT INDEXED ORDER BY rowid'):
                 if not self.reserve_bytes(len(name) + len(kind) + len(form)):
                     break
                 if form != 'cdr':
                     self.other_topics[name] = f'{kind} encoded as {form}'
-                elif kinds.setdefault(name, kind) == kind:
-                    self._numbers.setdefault(name, []).append(number)
-            return kinds, self._definitions(database, set(kinds.values()))
+                else:
+                    self._kinds.setdefault(name, kind)
+            return self._definitions(database, set(self._kinds.values()))
 
     def _definitions(self, database: sqlite3.Connection, kinds: set[str],
                      ) -> dict[str, Definition]:
@@ -196,12 +193,18 @@ class SqliteRecording(FileRecording):
 
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
         """Return whether a topic has messages; in a large file, whether any topic has."""
-        numbers = self._numbers[imu.topic][:_MOST_NUMBERS]
         # To search a large file for a message of each topic would make opening slow.
         only = '' if self._tolerant or self.size_bytes > 1 << 26 else (
-            f'WHERE topic_id IN ({",".join(map(str, numbers))}) ')
+            f'WHERE topic_id IN ({self._numbers(database, imu)}) ')
         return bool(database.execute(
             f'SELECT rowid FROM messages NOT INDEXED {only}LIMIT 1').fetchall())
+
+    def _numbers(self, database: sqlite3.Connection, imu: ImuTopic) -> str:
+        """List the ids of a topic; rosbag2 assigns one."""
+        return ','.join(str(number) for [number] in database.execute(
+            'SELECT rowid FROM topics NOT INDEXED '
+            "WHERE name = ? AND type = ? AND serialization_format = 'cdr'",
+            (imu.topic, self._kinds[imu.topic])))
 
     # ------------------------------------------------------------------------------ going through
 
@@ -209,17 +212,12 @@ class SqliteRecording(FileRecording):
                  malformed: MalformedMessages,
                  ) -> Iterator[tuple[list[int], list[bytes], int]]:
         """Fetch thousands of messages at a time, past damage, with stamps and bytes consumed."""
-        numbers = self._numbers[imu.topic]
-        if len(numbers) > _MOST_NUMBERS:
-            self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
-                        entries=len(numbers), read=_MOST_NUMBERS)
-            numbers = numbers[:_MOST_NUMBERS]
         # SQLite knows type and length without loading the value, however long it is.
         query = ("SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
                  f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
                  'THEN data END FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
                  "AND typeof(topic_id) = 'integer' "
-                 f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
+                 f'AND topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid')
         edges = _parts_of_rows(database)
         # All messages together cannot exceed the bytes of file and log.
         read = places = handed = held_bytes = position = 0
