@@ -78,9 +78,11 @@ def workplace(tmp_path_factory):
         recording = str(folder / 'recordings' / f'imu_{number}')
         assert main([*run, '--seed', number, '--duration', '2min', '--output', recording]) == 0
         assert main(['analyze', recording, '--json', str(folder / f'{name}.json')]) == 0
-    # A command of the page makes it; each of them can be tested alone.
-    (folder / 'characterization').mkdir()
-    shutil.copy(folder / 'before.json', folder / 'characterization' / 'result.json')
+    # Commands of the pages make them; each can be tested alone.
+    for made in ('characterization', 'results'):
+        (folder / made).mkdir()
+        shutil.copy(folder / 'before.json', folder / made / 'result.json')
+    shutil.copytree(folder / 'imu_at_rest', folder / 'simulated')
     noise = np.random.default_rng(1).normal([0.1, 1.0], [0.05, 0.001], (20_000, 2))
     rows = ['gyro_x [deg/s],accel_z [g]', *(f'{gyro:.6f},{accel:.6f}' for gyro, accel in noise)]
     (folder / 'samples.csv').write_text('\n'.join(rows) + '\n')
