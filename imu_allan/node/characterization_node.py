@@ -343,6 +343,9 @@ class CharacterizationNode(AnyExecutorNode):
                 lambda: self._catch_up(time.monotonic()),
                 self._runs.finish,
                 lambda: self._storage.save_state_at_end(self._run),
+                # Plots come last: there may be no time for them.
+                lambda: (self._runs.unproven is None
+                         or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
                 lambda: self._storage.save_files_at_end(self._run),
                 # Nothing is published any more, but the outcome of writing files is logged.
                 lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]

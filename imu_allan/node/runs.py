@@ -49,6 +49,13 @@ class Runs:
         self._other: Run | None = None
         self._why = UnusableState('', '')
 
+    @property
+    def unproven(self) -> Run | None:
+        """Return the run of another IMU that has not replaced this one yet, or not again."""
+        settled = self._other is None or (
+            self._other.over and not any(topic.elsewhere for topic in self._topics))
+        return None if settled else self._other
+
     def begin_anew(self) -> None:
         """Begin a new run and drop held messages; the publishers stay known."""
         self._other = None

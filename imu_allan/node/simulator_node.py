@@ -6,6 +6,7 @@ from math import inf
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import SIMULATOR_SETTINGS, TOPIC
@@ -15,6 +16,7 @@ from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import find_model, load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -36,8 +38,8 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        # None of them changes while the node runs.
-        self._values = values = declare(self, SIMULATOR_SETTINGS, lambda *_: None)
+        self._values = values = declare(
+            self, SIMULATOR_SETTINGS, lambda name, value: self._values.update({name: value}))
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))
@@ -113,9 +115,12 @@ class SimulatorNode(Node):
             self._publish(int(count), stop)
 
     def _publish(self, count: int, stop: StopRequest) -> None:
+        index = np.arange(self._next, self._next + count)
+        stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
         self._next += count
-        for row in encode_imu_rows(
-                self._imu.block(count, self._start_ns, self._values['frame_id'])):
+        block = ImuBlock(stamps, stamps, self._imu.draw(count),
+                         np.tile(self._imu.absent, (count, 1)), self._values['frame_id'])
+        for row in encode_imu_rows(block):
             message = row.tobytes()
             while not stop.requested:
                 try:

@@ -161,7 +161,7 @@ class Storage:
 
     # -- the output folder ----------------------------------------------------------------------
 
-    def save(self, run: Run) -> 'Future[list[Path]]':
+    def save(self, run: Run, picture: bool = True) -> 'Future[list[Path]]':
         """Start writing result, curves, plot and configurations."""
         name, snapshot = self._node_name, run.snapshot()
         consumers = [consumer for consumer in self.export_for if consumer]
@@ -177,7 +177,7 @@ class Storage:
                 f'{name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
             self._saved = run, result
             try:
-                return save_folder(result, own, consumers, report=False)
+                return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
                 # Only an empty folder is removed: nothing could be written.
                 with suppress(OSError):
@@ -209,12 +209,12 @@ class Storage:
         future = None if run.fed == run.checkpointed else self.checkpoint(run)
         return future is None or future.exception() is None
 
-    def save_files_at_end(self, run: Run) -> bool:
+    def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """Write the files; return whether all is well, else the state is kept."""
         if not run.fed and not (self._unasked and self.has_resumed):
             return True
         try:
-            self.save(run).result()
+            self.save(run, picture=picture).result()
         except NothingToSave as error:
             self._log.info(str(error))
         except IncompleteSave:

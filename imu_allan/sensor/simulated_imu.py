@@ -40,9 +40,8 @@ class SimulatedImu:
         self._streams = [
             NoiseStream(axis_coefficients(model, name), sample_rate_hz, seed * len(AXES) + column)
             for column, name in enumerate(AXES)]
-        self._absent = np.array([not any(name.startswith(sensor) for name in model.axes)
-                                 for sensor in ('gyro', 'accel')])
-        self._stamped = 0
+        self.absent = np.array([not any(name.startswith(sensor) for name in model.axes)
+                                for sensor in ('gyro', 'accel')])
         self._ready = np.empty((0, len(AXES)))
 
     def draw(self, samples: int) -> Array:
@@ -59,14 +58,6 @@ class SimulatedImu:
         rows = np.concatenate(drawn)
         self._ready = rows[samples:]
         return rows[:samples]
-
-    def block(self, samples: int, start_ns: int, frame_id: str) -> ImuBlock:
-        """Return the next samples as messages, the very first of which is stamped `start_ns`."""
-        index = np.arange(self._stamped, self._stamped + samples)
-        self._stamped += samples
-        stamps = start_ns + np.rint(index / self.sample_rate_hz * 1e9).astype(np.int64)
-        return ImuBlock(stamps, stamps, self.draw(samples),
-                        np.tile(self._absent, (samples, 1)), frame_id)
 
 
 def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
@@ -89,4 +80,7 @@ def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, 
     """Yield samples of a simulated IMU in blocks, the first sample stamped `start_ns`."""
     imu = SimulatedImu(model, sample_rate_hz, seed)
     for first in range(0, samples, block_samples):
-        yield imu.block(min(block_samples, samples - first), start_ns, frame_id)
+        index = np.arange(first, min(first + block_samples, samples))
+        stamps = start_ns + np.rint(index / sample_rate_hz * 1e9).astype(np.int64)
+        drawn = imu.draw(len(index))
+        yield ImuBlock(stamps, stamps, drawn, np.tile(imu.absent, (len(index), 1)), frame_id)

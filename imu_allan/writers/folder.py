@@ -43,7 +43,7 @@ def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
-                report: bool = True) -> list[Path]:
+                report: bool = True, picture: bool = True) -> list[Path]:
     """
     Write all files about one result.
 
@@ -67,7 +67,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         'curve.csv': lambda: curves_csv(result).encode(),
         **{CONSUMERS[consumer].file: partial(configuration, consumer) for consumer in exports},
         **(report_files(result, ()) if report else {}),
-        **_plots(lambda: plot.overview_figure(result), 'allan_deviation', ('png',))})
+        **(_plots(lambda: plot.overview_figure(result), 'allan_deviation', ('png',))
+           if picture else {})})
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths

@@ -209,7 +209,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
         run.lanes[0].update([at_rest(2000)])
     # One that begins equally has another folder.
     for run in (*runs, unpack(pack(runs[0], SETUP), SETUP)):
-        storage.save(run).result()
+        storage.save(run, picture=False).result()
     assert len(list((tmp_path / 'output').iterdir())) == 2
     storage.checkpoint(runs[0]).result()
     runs[0].lanes[0].update([at_rest(500, start_s=20.0)])

@@ -180,7 +180,7 @@ def test_another_imu_behind_a_restart_begins_a_new_run_and_few_samples_do_no_har
     world.runs.finish()
     if count == 10:
         # So few show nothing.
-        assert (world.replaced, world.runs.run.fed) == ([], 0)
+        assert (world.replaced, world.runs.run.fed, world.runs.unproven) == ([], 0, None)
         return
     [(_, why)] = world.replaced
     assert str(why) == "it is of frame_id 'imu', the messages now have 'other'"

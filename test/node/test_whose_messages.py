@@ -66,6 +66,21 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
     assert document['source']['frame_id'] == 'imu'
+    # At the end the run of a third is saved too, which has not lasted; drawings come last.
+    sensor.unplug()
+    other.now_s = sensor.now_s
+    other.plug_in()
+    # Longer than the longest look at it, and shorter than it has to last.
+    other.measure(15.0, frame_id='third')
+    ros.until(lambda: node.log.count('are of another IMU') == 3)
+    other.unplug()
+    began_ns = time.time_ns()
+    assert node.stop(within_s=10.0) == 0, node.log
+    written = sorted((path.stat().st_mtime_ns, path.name)
+                     for path in (state, *(ros.folder / 'output').glob('*/*')))
+    names = [name for when, name in written if when > began_ns]
+    assert (names[0], names[-1]) == ('state', 'allan_deviation.png')
+    assert (names.count('result.json'), names.count('allan_deviation.png')) == (2, 1)
 
 
 def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros):

@@ -84,7 +84,7 @@ def test_a_folder_with_a_recording_is_one_whatever_result_lies_beside_it(tmp_pat
 
 
 def test_where_a_result_gives_no_configuration_all_else_is_written(result, tmp_path):
-    paths = save_folder(result, tmp_path, ('vins_fusion',), report=False)
+    paths = save_folder(result, tmp_path, ('vins_fusion',), report=False, picture=False)
     rateless = replace(result, timeline=Timeline(None, 10, 1.0))
     with refused('the configuration for vins_fusion needs the sample rate, which this result does '
                  f'not have; give it with --rate HZ; the other files are in {tmp_path}',
