@@ -11,7 +11,7 @@ the executor's thread; should one escape nevertheless, `serve` saves first.
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import replace
 from math import ceil
 from threading import RLock
@@ -21,6 +21,7 @@ from typing import Any
 from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
+from imu_allan.node.callers import Callers, REQUESTS
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
@@ -43,7 +44,7 @@ from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.verdict import closing_lines
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -121,15 +122,18 @@ class CharacterizationNode(AnyExecutorNode):
                           lambda number: self._receptions[number].subscription.publisher_gids())
 
         # Services wait for the worker while samples come in, so they have their own group.
-        group = ReentrantCallbackGroup()
+        self._callers = Callers(self)
         for name, serve in ('~/save', self._save), ('~/reset', self._reset):
-            self.serve_waiting(Trigger, name, serve, callback_group=group)
-        self.create_service(SetBool, '~/pause', self._pause, callback_group=group)
+            self.serve_waiting(Trigger, name, serve, qos_profile=REQUESTS,
+                               callback_group=self._callers)
+        self.create_service(SetBool, '~/pause', self._pause, qos_profile=REQUESTS,
+                            callback_group=self._callers)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
         if self._storage.has_resumed:
             self._results.fit(self._run)
+        self._storage.try_output()
         self._last_tick = now
         # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
@@ -199,8 +203,10 @@ class CharacterizationNode(AnyExecutorNode):
         with self._lock:
             if name == 'publish_period':
                 results.publish_every(value)
-            elif name in ('checkpoint_period', 'export_for'):
+            elif name in ('output_dir', 'checkpoint_period', 'export_for'):
                 setattr(storage, name, value)
+                if name == 'output_dir':
+                    storage.try_output()
             elif name in ('aiding_interval', 'coast'):
                 filter_of = results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
                 if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
@@ -227,7 +233,7 @@ class CharacterizationNode(AnyExecutorNode):
             count = self._catch_up(now)
             self._worker.hand_out()
             if self._results.due(now):
-                self._results.fit_if_due(now, self._run, max(
+                self._results.publish_or_fit(now, self._run, max(
                     reception.last_message for reception in self._receptions))
             if self._storage.checkpoint_due(now, self._run):
                 self._storage.checkpoint(self._run)
@@ -246,7 +252,7 @@ class CharacterizationNode(AnyExecutorNode):
         for number, lane in enumerate(self._run.lanes):
             self._thermometer.feed(number, lane.characterization)
         for number, reception in enumerate(self._receptions):
-            for publisher, blocks in reception.blocks():
+            for publisher, blocks in reception.blocks(now):
                 self._runs.take(number, publisher, blocks)
         return most
 
@@ -306,14 +312,20 @@ class CharacterizationNode(AnyExecutorNode):
         return response
 
     async def _failure(self, future: 'Future[Any]') -> str | None:
-        """Wait for the worker; return what went wrong, or None."""
+        """Wait for the worker and for the caller's turn; return what went wrong, or None."""
         executor = self.executor
         if isinstance(executor, Executor):
             future.add_done_callback(lambda _: executor.wake())
-            while not future.done():
+        else:
+            wait([future])
+        self._callers.waiting += 1
+        try:
+            while not (future.done() and self._callers.may_answer()):
                 # Continues at the executor's next wake-up.
                 await asyncio.sleep(0)
-        # In any other executor this waits.
+        finally:
+            # Leave the timer alone: if the node ends meanwhile, it no longer exists here.
+            self._callers.waiting -= 1
         error = future.exception()
         return None if error is None else printable(error)
 

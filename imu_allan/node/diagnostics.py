@@ -90,7 +90,7 @@ class Facts:
     received: int = 0
     lost: int = 0
     malformed: int = 0
-    skipped: int = 0  # passed over while paused, or too few to identify the IMU
+    skipped: int = 0  # passed over while paused
     malformed_why: str = ''
     overrun: int = 0  # how often the queue was full when it was emptied
     recent: Recent = field(default_factory=Recent)
@@ -119,7 +119,9 @@ class Facts:
     timeline: Timeline | None = None  # at the last look
     moved_s: float = 0.0  # excluded of it as motion
     temperature_topic: str = ''
+    thermometers: int = 0
     temperature_c: float | None = None
+    temperature_missing: bool = False  # the topic has had no publisher for a while
     temperature_silent_s: float = 0.0  # 0 unless far longer than the usual pause
     comparisons: list[Comparison] = field(default_factory=list)
 
@@ -207,9 +209,13 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'{_cause_of_loss(facts)}',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
         Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
-        Condition('thermometer', facts.temperature_silent_s > 0, WARN,
+        Condition('thermometer', facts.temperature_missing, WARN,
+                  f'nothing publishes {thermometer}: there is no temperature',
+                  f'the thermometer on {thermometer} is there'),
+        Condition('thermometer silent',
+                  facts.temperature_silent_s > 0 and not facts.temperature_missing, WARN,
                   f'no temperature on {thermometer} for {facts.temperature_silent_s:.0f} s',
-                  f'temperatures come on {thermometer}')]
+                  f'temperatures come on {thermometer} again')]
 
 
 def _were(count: int) -> str:

@@ -9,7 +9,7 @@ import math
 from os import PathLike
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.filters import CONSUMERS
@@ -34,7 +34,9 @@ class Setting:
     lowest: float | None = None
     highest: float | None = None
     choices: Sequence[str] = ()
+    may_be_empty: bool = True
     read_only: bool = False
+    below_start: bool = False  # at run time, only folders below the initial one are accepted
 
     def reason_against(self, value: Any) -> str:
         """Return why `value` is refused, apart from type and range; empty if it is accepted."""
@@ -43,8 +45,19 @@ class Setting:
             return ''
         if isinstance(value, float) and not math.isfinite(value):
             return f'{self.name}: {value} is not a finite number'
+        if isinstance(value, str) and not value and not self.may_be_empty:
+            return f'{self.name}: must not be empty'
+        texts = [value] if isinstance(value, str) else value
+        # Longer than any path or topic. Anybody on the network may set parameters.
+        longest = 1000
+        most = 100   # far more than anybody needs: 100 KB
+        if isinstance(texts, (list, tuple)) and (
+                len(texts) > most
+                or any(isinstance(text, str) and len(text) > longest for text in texts)):
+            return (f'{self.name}: at most {most} texts of {longest} characters each '
+                    'are taken')
         if self.choices:
-            for text in [value] if isinstance(value, str) else value:
+            for text in texts:
                 # ROS has no empty list as a parameter, so [''] is used instead.
                 if text not in self.choices and (text or isinstance(value, str)):
                     return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
@@ -55,7 +68,8 @@ SETTINGS = (
     Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
             0.5, 86_400.0),
     Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. Every '
-            'run gets its own folder in it', read_only=True),
+            'run gets its own folder in it. While the node runs, it can be changed to folders '
+            'below', may_be_empty=False, below_start=True),
     Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
             'every restart; the default resumes only after a crash; empty keeps nothing',
             read_only=True),
@@ -78,7 +92,8 @@ SETTINGS = (
     Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
             "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
     Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an Imu, '
-            "or a driver's own, such as px4_msgs/msg/SensorCombined", read_only=True),
+            "or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
+            read_only=True),
     Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
             'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it', read_only=True),
     Setting('accel_field', '', 'Field of the messages that holds the acceleration and its unit; '
@@ -105,7 +120,7 @@ SETTINGS = (
 SIMULATOR_SETTINGS = (
     Setting('model', 'consumer_mems',
             'Noise model: a YAML file, or the name of one that the package ships in config/',
-            read_only=True),
+            may_be_empty=False, read_only=True),
     Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
             read_only=True),
     Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
@@ -119,24 +134,53 @@ SIMULATOR_SETTINGS = (
             'the start', 0.0, 2**31 - 1.0, read_only=True),
     Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
             'are matched', 0, 100, read_only=True),
+    Setting('drop_samples', 20, 'Number of samples that ~/drop leaves out', 1, 1_000_000),
+    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
+            'velocity takes a tenth as many rad/s', 0.0, 1e3),
 )
 
 
-class Program(NamedTuple):
-    """The program of a node."""
+@dataclass(frozen=True)
+class Interface:
+    """The purpose of a node, and its topics, services and parameters."""
 
-    name: str
+    program: str
     node: str  # its class, imported only once ROS is known to be installed
     purpose: str
+    subscribed: Sequence[tuple[str, str, str]]
+    published: Sequence[tuple[str, str, str]]
+    services: Sequence[tuple[str, str, str]]
     settings: Sequence[Setting]
 
 
-CHARACTERIZATION = Program(
+CHARACTERIZATION = Interface(
     'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode',
-    'Characterizes the noise of the IMU on imu/data_raw while it is at rest.', SETTINGS)
-SIMULATOR = Program(
+    'Characterizes the noise of the IMU on a topic while it is at rest.',
+    ((TOPIC, 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
+      'the two topics of gyro_topic and accel_topic instead, where they are set'),),
+    (('~/result', 'std_msgs/String', 'the whole result as JSON'),
+     ('~/coefficients', 'diagnostic_msgs/DiagnosticArray', 'every coefficient of every axis'),
+     ('~/gyro/TERM, ~/accel/TERM', 'geometry_msgs/Vector3Stamped',
+      'TERM is noise_density, bias_instability, rate_random_walk, or filter_random_walk'),
+     ('~/SENSOR/TERM/interval/low, .../high', 'geometry_msgs/Vector3Stamped',
+      '95 % interval of a measured term'),
+     ('~/gyro/allan_deviation, ~/accel/allan_deviation', 'std_msgs/Float64MultiArray',
+      'rows tau, x, y, z'),
+     ('~/plot/compressed', 'sensor_msgs/CompressedImage', 'the plot, while somebody subscribes'),
+     ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'once a second')),
+    (('~/save', 'std_srvs/Trigger', 'write result, curves, plot and filter configurations'),
+     ('~/reset', 'std_srvs/Trigger', 'begin a new run'),
+     ('~/pause', 'std_srvs/SetBool', 'pass samples over')),
+    SETTINGS)
+
+SIMULATOR = Interface(
     'imu_simulator', 'imu_allan.node.simulator_node.SimulatorNode',
     'In place of an IMU driver: publishes an IMU at rest with the noise of a model.',
+    (),
+    ((TOPIC, 'sensor_msgs/Imu', 'the samples'),
+     ('~/truth', 'diagnostic_msgs/DiagnosticArray', 'the true coefficients')),
+    (('~/drop', 'std_srvs/Trigger', 'leave samples out'),
+     ('~/knock', 'std_srvs/Trigger', 'knock the IMU')),
     SIMULATOR_SETTINGS)
 
 
@@ -169,21 +213,30 @@ def refused(args: Sequence[str]) -> str:
     return ''
 
 
-def help_text(program: Program) -> str:
-    """Describe a node and its parameters for the terminal."""
-    lines = [f'usage: {program.name} --ros-args [-p NAME:=VALUE] [--params-file FILE] '
-             '[-r FROM:=TO]', '', *_folded(program.purpose), '', 'parameters:']
-    for setting in program.settings:
-        default, meaning = setting.default, setting.description
-        if setting.lowest is not None:
-            meaning += f' ({setting.lowest:g} to {setting.highest:g})'
-        if setting.choices:
-            meaning += f' ({", ".join(setting.choices)})'
-        shown = (f'[{", ".join(default)}]' if isinstance(default, tuple) else
-                 str(default) or 'empty')
-        lines += [f'  {setting.name} ({shown})', *_folded(meaning, 6 * ' ')]
-    return '\n'.join([*lines, '', *_folded(
-        'Topics and services: docs/ros_interface.md, or ros2 node info of the running node')])
+def help_text(interface: Interface) -> str:
+    """Describe a node for the terminal."""
+    lines = [f'usage: {interface.program} --ros-args [-p NAME:=VALUE] [--params-file FILE] '
+             '[-r FROM:=TO]', '', *_folded(interface.purpose)]
+    for title, rows in (('subscribes to', interface.subscribed),
+                        ('publishes', interface.published),
+                        ('services', interface.services),
+                        ('parameters', list(map(_described, interface.settings)))):
+        if rows:
+            lines += ['', f'{title}:']
+            for name, kind, meaning in rows:
+                lines += [f'  {name} ({kind})', *_folded(meaning, 6 * ' ')]
+    return '\n'.join(lines)
+
+
+def _described(setting: Setting) -> tuple[str, str, str]:
+    """Return name, default and meaning of a parameter."""
+    default, meaning = setting.default, setting.description
+    if setting.lowest is not None:
+        meaning += f' ({setting.lowest:g} to {setting.highest:g})'
+    if setting.choices:
+        meaning += f' ({", ".join(setting.choices)})'
+    shown = f'[{", ".join(default)}]' if isinstance(default, tuple) else str(default) or 'empty'
+    return setting.name, shown, meaning
 
 
 def _folded(text: str, indent: str = '') -> list[str]:

@@ -4,6 +4,8 @@
 
 from collections.abc import Callable, Iterable, Sequence
 import difflib
+import os
+from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
@@ -28,7 +30,10 @@ def declare(node: Node, settings: Sequence[Setting],
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name in known:
-                reason = known[parameter.name].reason_against(parameter.value)
+                setting = known[parameter.name]
+                reason = setting.reason_against(parameter.value)
+                if not reason and setting.below_start and setting.name in values:
+                    reason = _leads_out(setting.name, parameter.value, values[setting.name])
                 if reason:
                     return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -60,6 +65,18 @@ def declare(node: Node, settings: Sequence[Setting],
             raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
     node.add_post_set_parameters_callback(apply)
     return values
+
+
+def _leads_out(name: str, folder: str, start: str) -> str:
+    """Return why a folder set at run time, by anybody on the network, is refused."""
+    try:
+        inner, outer = (Path(os.path.realpath(Path(text).expanduser()))
+                        for text in (folder, start))
+    except (RuntimeError, ValueError, OSError) as error:
+        return f'{name}: {error}'
+    return '' if inner.is_relative_to(outer) else (
+        f'{name}: while the node runs it can only be set to {outer} and folders below; start the '
+        'node with another one')
 
 
 def warn_of_unknown(node: Node) -> None:

@@ -7,13 +7,14 @@ import contextlib
 import ctypes
 from importlib import import_module
 from itertools import pairwise
+import os
 from pathlib import Path
 import signal
 import sys
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
-from imu_allan.node.interface import help_text, Program, refused, wants_help
+from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 
 class StopRequest:
@@ -34,39 +35,59 @@ def give_back_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def run_process(program: Program, args: Sequence[str] | None = None) -> int:
+def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
-    given = sys.argv[1:] if args is None else args
+    program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):
         try:
-            print(help_text(program), flush=True)
+            print(help_text(interface), flush=True)
         except BrokenPipeError:
             # The reader has closed it.
             drop_stdout()
             return EXIT_BROKEN_PIPE
         return 0
     if wrong := refused(given):
-        _fail(program.name, wrong)
+        _fail(program, wrong)
         return 2
     stop = StopRequest()
     try:
+        _do_without_shared_memory(program)
         with _stopped_by(stop), _ros(args):
-            module, _, name = program.node.rpartition('.')
+            module, _, name = interface.node.rpartition('.')
             node = getattr(import_module(module), name)()
             try:
                 return int(node.serve(stop))
             finally:
                 node.destroy_node()
     except ImuAllanError as error:
-        return _fail(program.name, str(error))
+        return _fail(program, str(error))
     except ImportError as error:
         if (error.name or '').partition('.')[0] not in (
                 'rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils'):
             raise
-        return _fail(program.name, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
+        return _fail(program, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
                      'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install '
                      "the wheels: pip install 'imu_allan[ros]'")
+
+
+def _do_without_shared_memory(program: str) -> None:
+    """Keep the middleware away from a full /dev/shm, which would end the process with SIGBUS."""
+    # Fast DDS can use the network alone. LTTng, which the ROS libraries link to for tracing, needs
+    # a page of /dev/shm as soon as it is loaded; no setting changes that.
+    try:
+        shared = os.statvfs('/dev/shm')
+    except OSError:
+        return
+    room = shared.f_bavail * shared.f_frsize
+    remedy = 'remove files from it, or give it room, such as with --shm-size of docker run'
+    if room < 65_536:
+        raise ImuAllanError(f'/dev/shm is full, so the libraries of ROS would crash; {remedy}')
+    transports = 'FASTDDS_BUILTIN_TRANSPORTS'
+    if room < 8_000_000 and os.environ.get(transports, 'DEFAULT') == 'DEFAULT':
+        os.environ[transports] = 'UDPv4'
+        print(f'{program}: /dev/shm has only {room / 1e6:.2g} MB of room: messages come over the '
+              f'network, at more cost; {remedy}', file=sys.stderr)
 
 
 @contextlib.contextmanager
@@ -117,6 +138,6 @@ def _one_line(error: object) -> str:
     return ' '.join(str(error).split())
 
 
-def _fail(name: str, message: str) -> int:
-    print(f'{name}: {_one_line(message)}', file=sys.stderr)
+def _fail(program: str, message: str) -> int:
+    print(f'{program}: {_one_line(message)}', file=sys.stderr)
     return 1

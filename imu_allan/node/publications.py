@@ -34,9 +34,11 @@ class Publications:
                     for topic, kind in of_sensor.items()}}
         self._of_result = {topic: latched(kind, topic) for topic, kind in kinds.items()}
         self._published: Mapping[str, Any] = {}
+        self._volatile = dict.fromkeys(self._of_result, 0)
         self.plot = latched(CompressedImage, 'plot/compressed')
         self.diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10,
                                                  event_callbacks=_no_events())
+        self._node = node
 
     def publish(self, by_topic: Mapping[str, Any]) -> None:
         """Publish the messages of a result by topic, unless they are the same as before."""
@@ -46,6 +48,16 @@ class Publications:
         self._published = by_topic
         for topic, message in by_topic.items():
             self._of_result[topic].publish(message)
+
+    def serve_newcomers(self) -> None:
+        """Publish again for new volatile subscriptions, which have missed the last result."""
+        for topic, publisher in self._of_result.items():
+            volatile = sum(
+                info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+                for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name))
+            if volatile > self._volatile[topic] and topic in self._published:
+                publisher.publish(self._published[topic])
+            self._volatile[topic] = volatile
 
 
 def _no_events() -> PublisherEventCallbacks:

@@ -1,7 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reception of messages: taken from the queue, counted, and decoded."""
+"""Reception of messages: taken from the queue, counted, and decoded by publisher."""
 
+import time
+
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.node.announcements import Announcements
@@ -23,10 +26,11 @@ class Reception:
         # As of the last report: the number of messages, and the cause of silence.
         self.reported, self.complaint = 0, ''
         self._decode = decode
-        self._waiting: list[tuple[int, Batch]] = []
+        self._waiting: list[tuple[Ints, Batch]] = []
         self._publishers = Publishers(subscription.publisher_gids)
-        self._publisher = self._number = self._received_ns = 0
-        self._has_fallen = False
+        self._passed_over = 0
+        self._mixed_until = 0.0
+        self._received_ns = 0
         self.last_take = self.last_message = 0.0
 
     def take(self, now: float) -> int:
@@ -39,28 +43,30 @@ class Reception:
         if not batch.messages:
             return 0
         self._look_for_pause(batch, now)
-        before, self._publisher = self._publisher, self._publishers.sender(
-            int(batch.receive_ns[0]), int(batch.receive_ns[-1]))
         # Messages that are passed over do not count as lost.
-        self._see_numbers(batch, is_new=self._publisher != before)
+        keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
+        facts.lost += lost
         self.last_message = now
         if facts.paused:
             facts.skipped += len(batch.messages)
-        elif facts.mixed:
-            facts.mixed_samples += len(batch.messages)
         else:
-            self._waiting.append((self._publisher, batch))
+            self._waiting.append((keys, batch))
         return len(batch.messages)
 
     def publishers(self) -> int:
-        """Count the matched publishers, without those that were killed and replaced."""
-        return min(self.subscription.publishers, self._publishers.count())
+        """Count publishers that send or, if none, matched ones; killed ones stay matched."""
+        return self._publishers.delivering(time.time_ns()) or self.subscription.publishers
 
-    def blocks(self) -> list[tuple[int, list[ImuBlock]]]:
-        """Decode the messages taken so far, each batch with its publisher."""
+    def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:
+        """Decode the messages taken so far, by publisher."""
         waiting, self._waiting = self._waiting, []
-        return [(publisher, self._decode(batch.messages, batch.receive_ns, self._count_malformed))
-                for publisher, batch in waiting]
+        facts = self.facts
+        if facts.mixed_samples > self._passed_over:
+            # Report the condition for five seconds after the last such message.
+            self._passed_over, self._mixed_until = facts.mixed_samples, now + 5.0
+        facts.mixed = now < self._mixed_until
+        return [(key, self._decoded(batch, np.flatnonzero(keys == key)))
+                for keys, batch in waiting for key in dict.fromkeys(keys.tolist())]
 
     def drop(self) -> None:
         """Discard the messages that have been taken but not decoded yet."""
@@ -75,18 +81,9 @@ class Reception:
             facts.pause_s = max(pause, facts.pause_s)
         self._received_ns = int(batch.receive_ns[-1])
 
-    def _see_numbers(self, batch: Batch, is_new: bool) -> None:
-        """Count lost messages, and note whether those of two publishers are mixed."""
-        numbers, had_fallen = batch.numbers, self._has_fallen
-        if numbers is None:
-            return
-        steps = np.diff(numbers, prepend=numbers[0] - 1 if is_new else self._number)
-        self._number, falls = int(numbers[-1]), int((steps < 1).sum())
-        self._has_fallen = falls > 0
-        # The numbers fall once if a driver restarts, and again and again if two publishers mix.
-        self.facts.mixed = falls > 1 or (falls == 1 and had_fallen)
-        if not (falls or had_fallen):
-            self.facts.lost += int(steps.sum()) - len(steps)
+    def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
+        return self._decode([batch.messages[row] for row in rows.tolist()],
+                            batch.receive_ns[rows], self._count_malformed)
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count

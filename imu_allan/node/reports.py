@@ -104,7 +104,6 @@ class Reports:
         else:
             facts.update_error = ''
         summary = snapshot.summary()
-        lane.known.learn(summary.clock)
         facts.timeline, facts.moved_s = summary.timeline, summary.excluded_s
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         reception.announcements.see_timeline(now, facts, summary)

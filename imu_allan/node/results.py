@@ -28,6 +28,7 @@ class _Fit:
     """What a fit gives, and the time that it took."""
 
     result: Result
+    of_lanes: list[Result]
     messages: Mapping[str, Any]
     comparisons: list[Comparison]
     took_s: float
@@ -71,8 +72,8 @@ class Results:
         self._next_publication += periods * self._period_s
         return True
 
-    def fit_if_due(self, now: float, run: Run, last_message: float) -> None:
-        """Start a new fit if one is due, whose result is published."""
+    def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
+        """Start a new fit if one is due; otherwise serve the last result to new subscribers."""
         # After this long without a sample, a final fit includes all samples so far.
         settled = now - last_message > 2.0
         if self._worker.under_way('fit'):
@@ -81,25 +82,29 @@ class Results:
         growth = 1 + FIT_GROWTH if now >= self._rested else 3.0
         if run.fed != run.fitted and (settled or run.span_s >= self._fitted_s * growth):
             self.fit(run, to_the_end=settled)
+        else:
+            self._publications.serve_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
-        """Start a fit; `to_the_end` if no more messages are expected."""
+        """Start a fit, which reuses nothing of an earlier one if `to_the_end`, as the last may."""
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
-        run.fitted = run.fed
+        run.fitted = fed = run.fed
         span_s = run.span_s
         snapshot, name, looks = run.snapshot(), self._node_name, run.datasheet_looks
+        tested = None if to_the_end else run.backtests
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
-            fitted, fits = snapshot.fitted()
+            of_lanes, fits = snapshot.fitted(tested)
+            fitted = snapshot.as_one(of_lanes)
             result = run.shown_terms.judged(fitted, more_comes=not to_the_end)
             messages = result_messages(result, name, _time(stamp), filter_of)
             comparisons = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
-            return _Fit(result, messages, comparisons, time.monotonic() - started,
+            return _Fit(result, of_lanes, messages, comparisons, time.monotonic() - started,
                         time.thread_time() - busy)
 
         def publish(future: 'Future[_Fit]') -> None:
@@ -111,6 +116,7 @@ class Results:
             done = future.result()
             self.latest, self._facts.fit_s = done.result, done.took_s
             self._facts.comparisons = done.comparisons
+            run.learn(done.of_lanes, fed if tested is None else None)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
             self._fitted_s, self._rested = span_s, began + 100 * done.cpu_s
             self._publications.publish(done.messages)

@@ -16,8 +16,17 @@ from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import Lane, new_run, Run, Setup
-from imu_allan.node.same_imu import FEWEST_MESSAGES, in_parts, Known, LOOK_S, messages
+from imu_allan.node.publishers import MIXED
+from imu_allan.node.run import new_run, Run, Setup
+from imu_allan.node.same_imu import (
+    FEWEST_MESSAGES,
+    in_parts,
+    Known,
+    LEVEL_MESSAGES,
+    LONGEST_LOOK_S,
+    LOOK_S,
+    messages,
+)
 from imu_allan.wording import duration
 
 
@@ -28,9 +37,21 @@ class _Topic:
     number: int
     facts: Facts
     publisher: int | None = None  # whose messages are in use
+    heard_ns: int = 0  # receive time of its last message
     elsewhere: bool = False  # its messages are from another IMU than that of the run
     held: list[ImuBlock] = field(default_factory=list)  # messages whose IMU is not known yet
     holding: int | None = None  # publisher of the held messages
+    looked_s: float = 0.0  # samples of the other IMU since its identity was last checked
+    strangers: set[int] = field(default_factory=set)  # other publishers, heard beside this one
+
+    @property
+    def by_level(self) -> bool:
+        """Whether the noise level is also used to identify the IMU of the held messages."""
+        return self.holding != self.publisher or self.elsewhere
+
+    def pass_over(self, blocks: Sequence[ImuBlock]) -> None:
+        """Discard messages of an unknown or another publisher, and count them."""
+        self.facts.mixed_samples += messages(blocks)
 
 
 class Runs:
@@ -47,6 +68,8 @@ class Runs:
         self._offers = offers
         self._topics = [_Topic(number, each) for number, each in enumerate(facts)]
         self._other: Run | None = None
+        # Runs that were replaced, whose IMUs may come back.
+        self._left: list[Run] = []
         self._why = UnusableState('', '')
 
     @property
@@ -58,7 +81,7 @@ class Runs:
 
     def begin_anew(self) -> None:
         """Begin a new run and drop held messages; the publishers stay known."""
-        self._other = None
+        self._other, self._left = None, []
         for topic in self._topics:
             topic.holding, topic.held, topic.facts.on_probation = None, [], False
         self._take_up(new_run(self._setup))
@@ -66,33 +89,55 @@ class Runs:
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages of one publisher on a topic."""
         topic = self._topics[number]
-        rate_hz = self._lane(topic).known.rate_hz
+        rate_hz = self._known(topic).rate_hz
         # Messages queued while the node was busy may be from one IMU first, then from another.
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
             ends = [number for number, (one, other) in enumerate(pairwise(part), 1)
                     if one.frame_id != other.frame_id]
             # One change is judged by what follows it; two sensors in turn are judged together.
-            change = ends[0] if len(ends) == 1 else 0
+            change = ends[0] if len(ends) == 1 and publisher != MIXED else 0
             for some in filter(None, (part[:change], part[change:])):
                 self._take_part(topic, publisher, some)
 
     def _take_part(self, topic: _Topic, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages that are judged together."""
-        if topic.publisher is None and not self._lane(topic).known.frame_id:
+        last_ns = int(blocks[-1].receive_ns[-1])
+        if publisher == MIXED:
+            # If the publishers have different frame_ids, the timeline keeps to the first one.
+            if len({block.frame_id for block in blocks}) == 1:
+                topic.pass_over(blocks)
+            else:
+                self._feed(topic, blocks)
+            return
+        if topic.publisher is None and not self._known(topic).frame_id:
             topic.publisher = publisher
-        if topic.holding is None and publisher == topic.publisher:
-            lane = self._lane(topic)
-            if not (lane.leaves_out_all or lane.known.may_be_another(blocks)):
+        # Until the publisher in use has been silent for this long, any other one is a stranger.
+        alone_ns = 2_000_000_000
+        if publisher == topic.publisher:
+            topic.heard_ns = last_ns
+            if topic.holding != publisher and not self._wants_look(topic, blocks):
                 self._feed(topic, blocks)
                 return
+        elif publisher in topic.strangers and last_ns - topic.heard_ns < alone_ns:
+            topic.pass_over(blocks)
+            return
         if topic.holding not in (None, publisher):
+            silent = last_ns - int(topic.held[-1].receive_ns[-1]) > alone_ns
+            if not silent and topic.publisher not in (publisher, topic.holding):
+                topic.pass_over(blocks)
+                return
             # No more messages will be added to those that are held.
             self._decide(topic)
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        if self._lane(topic).known.suffices(topic.held, self._look_s()):
+        # A new publisher is recognized by its noise level, which takes more messages. The first
+        # one after a restart waits for them only if a crash may lose that much.
+        first = topic.publisher is None and self._look_s() < LOOK_S
+        fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
+        if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
+                                       fewest=fewest):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -104,23 +149,42 @@ class Runs:
     def _run_of(self, topic: _Topic) -> Run:
         return self._other if topic.elsewhere and self._other is not None else self.run
 
-    def _lane(self, topic: _Topic) -> Lane:
-        return self._run_of(topic).lanes[topic.number]
+    def _known(self, topic: _Topic) -> Known:
+        return self._run_of(topic).lanes[topic.number].known
+
+    def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
+        lane = self._run_of(topic).lanes[topic.number]
+        # What seems another sensor by its noise may be the same one, shaken for a while.
+        return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
+                or lane.leaves_out_all or lane.known.may_be_another(blocks))
 
     def _decide(self, topic: _Topic) -> None:
         """Give the held messages to the run of their IMU."""
-        held, publisher = topic.held, topic.holding
-        topic.held, topic.holding, topic.facts.on_probation = [], None, False
+        held, publisher, by_level = topic.held, topic.holding, topic.by_level
+        topic.held, topic.holding, topic.looked_s = [], None, 0.0
+        topic.facts.on_probation = False
         if messages(held) < FEWEST_MESSAGES:
             # Too few to identify the IMU.
-            topic.facts.skipped += messages(held)
+            topic.pass_over(held)
             return
+        is_new = publisher != topic.publisher
+        middle_ns = (int(held[0].receive_ns[0]) + int(held[-1].receive_ns[-1])) // 2
+        if is_new and publisher is not None:
+            if topic.publisher is not None and topic.heard_ns > middle_ns:
+                topic.strangers.add(publisher)
+                topic.pass_over(held)
+                return
+            topic.strangers.discard(publisher)
         was, topic.publisher = topic.publisher, publisher
-        is_new = publisher != was
+        topic.heard_ns = int(held[-1].receive_ns[-1])
         lane = self.run.lanes[topic.number]
-        why = lane.known.mismatch(held)
+        why = lane.known.mismatch(held, by_level=by_level)
         if why is not None:
-            self._give_to_another_run(topic, why, held, is_new)
+            self._give_to_another_run(topic, why, held, by_level, is_new)
+            return
+        if topic.elsewhere and not is_new and lane.known.is_louder_or_calmer(self._known(topic)):
+            # Too few to show a difference, but no publisher has replaced that of the other IMU.
+            self._feed(topic, held)
             return
         if topic.elsewhere:
             topic.elsewhere = False
@@ -129,8 +193,7 @@ class Runs:
             lane.power_on()
         elif self._is_started_anew(lane.known, topic) if was is None else is_new and lane.fed:
             self._log.info(f'the driver on {topic.facts.topic} was started anew: the IMU may have '
-                           'been switched off and on, so its mean is another one from here on. '
-                           'Call ~/reset if it is another IMU')
+                           'been switched off and on, so its mean is another one from here on')
             lane.power_on()
         lane.known.publishers = []
         self._feed(topic, held)
@@ -141,20 +204,25 @@ class Runs:
         return bool(there and known.publishers) and there.isdisjoint(known.publishers)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
-                             is_new: bool) -> None:
+                             by_level: bool, is_new: bool) -> None:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
-        number, other = topic.number, self._other
-        was_there = topic.elsewhere
-        if other is None or other.lanes[number].known.mismatch(held) is not None:
-            was_there, other = False, new_run(self._setup)
+        number, before = topic.number, self._other
+        runs = [run for run in (before, *self._left) if run is not None]
+        other = next((run for run in runs if run.lanes[number].known.mismatch(
+            held, by_level=by_level) is None), None)
+        if other is None:
+            other = new_run(self._setup)
             known = self.run.lanes[number].known.another(held)
             while len(held) > 1 and known.may_be_another(held[:1]):
                 # These are from before the change.
                 held = held[1:]
             other.lanes[number].known = known
-        elif is_new:
+        elif is_new or other is not before:
             other.lanes[number].power_on()
-        self._other, topic.elsewhere, self._why = other, True, why
+        was_there, topic.elsewhere, self._why = topic.elsewhere and other is before, True, why
+        self._other = other
+        # Each takes some megabytes.
+        self._left = [run for run in runs if run.over and run is not other][:3]
         if not was_there:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '
@@ -172,6 +240,7 @@ class Runs:
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
         if run is self._other:
+            topic.looked_s += lane.known.lasted_s(blocks)
             if run.span_s >= self._proof_s():
                 self._replace()
         elif self._other is not None and any(one.elsewhere for one in self._topics):

@@ -6,6 +6,7 @@ from math import inf
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
@@ -23,9 +24,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
 
 _SERVICE_PERIOD_S = 0.05
-"""Signals and services are heard after this time, too short for users to notice."""
+"""Services are answered and sleeps end within this time, too short for users to notice."""
+_KNOCK_DECAY_S = 0.15
+"""Decays to a thousandth within a second, which is two windows of the motion detector."""
 
 
 class SimulatorNode(Node):
@@ -51,6 +55,8 @@ class SimulatorNode(Node):
         self._imu = SimulatedImu(self._model, self._rate, values['seed'])
         self._start_ns = 0
         self._next = 0
+        self._drop_until = 0
+        self._knocks: list[int] = []
 
         if self._speed == 0:
             # Only a KEEP_ALL writer waits for readers that are behind.
@@ -64,6 +70,8 @@ class SimulatorNode(Node):
                              durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._truth = self.create_publisher(DiagnosticArray, '~/truth', latched)
         self._truth.publish(self._truth_message())
+        self.create_service(Trigger, '~/drop', self._drop)
+        self.create_service(Trigger, '~/knock', self._knock)
 
     def serve(self, stop: StopRequest) -> int:
         """Publish until the duration is over or `stop` is set; return the exit status."""
@@ -116,10 +124,17 @@ class SimulatorNode(Node):
 
     def _publish(self, count: int, stop: StopRequest) -> None:
         index = np.arange(self._next, self._next + count)
+        samples = self._imu.draw(count)
+        for knock in self._knocks:
+            samples += self._values['knock_size'] * _knock_shape((index - knock) / self._rate)
+        self._knocks = [knock for knock in self._knocks
+                        if (self._next - knock) / self._rate < 20 * _KNOCK_DECAY_S]
         stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
         self._next += count
-        block = ImuBlock(stamps, stamps, self._imu.draw(count),
-                         np.tile(self._imu.absent, (count, 1)), self._values['frame_id'])
+        kept = index >= self._drop_until
+        block = ImuBlock(stamps[kept], stamps[kept], samples[kept],
+                         np.tile(self._imu.absent, (int(kept.sum()), 1)),
+                         self._values['frame_id'])
         for row in encode_imu_rows(block):
             message = row.tobytes()
             while not stop.requested:
@@ -131,6 +146,16 @@ class SimulatorNode(Node):
                         raise
                     # The queue of the KEEP_ALL writer is full, though `publish` waits up to 0.1 s.
                     continue
+
+    def _drop(self, *_: object) -> Trigger.Response:
+        count = self._values['drop_samples']
+        self._drop_until = max(self._next, self._drop_until) + count
+        return Trigger.Response(success=True, message=f'leaving out {count} samples')
+
+    def _knock(self, *_: object) -> Trigger.Response:
+        self._knocks.append(self._next)
+        return Trigger.Response(success=True,
+                                message=f'a knock of {self._values["knock_size"]:g} m/s^2')
 
     def _truth_message(self) -> DiagnosticArray:
         array = DiagnosticArray()
@@ -146,3 +171,12 @@ class SimulatorNode(Node):
                     KeyValue(key=f'{key}/unit', value=TERMS[key].unit(quantity))]
             array.status.append(status)
         return array
+
+
+def _knock_shape(seconds: Array) -> Array:
+    """Return an oscillation on all axes that decays from time zero, shape (n, 6)."""
+    after = np.maximum(seconds, 0.0)
+    # 17 Hz: several cycles per window of the motion detector, below half of any usual rate.
+    ringing = np.where(seconds >= 0, np.exp(-after / _KNOCK_DECAY_S)
+                       * np.cos(2 * np.pi * 17.0 * after), 0.0)
+    return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))

@@ -2,30 +2,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """Storage of a run: its state, to survive a crash or a reboot, and its result files."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
+import tempfile
 import time
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.interface import at_home, DEFAULT_STATE_FILE
+from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
 from imu_allan.node.worker import Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration
-from imu_allan.writers.atomic import require_writable
 from imu_allan.writers.folder import IncompleteSave, save_folder
+
+
+def try_folder(output_dir: str) -> None:
+    """Check that the output folder can be written to: create a file in it and remove it."""
+    folder = at_home(output_dir, 'output_dir')
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+            file.write(b'x')
+    except OSError as error:
+        raise ImuAllanError(
+            f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
+            'parameter to a folder that may be written to') from error
+
+
+def other_folders(state_file: Path | None) -> Iterator[str]:
+    """Yield folders to try if the output folder cannot be written to, likeliest first."""
+    if state_file is not None:
+        yield str(state_file.parent)
+    yield DEFAULT_OUTPUT_DIR
+    # Raised if none of the system's folders for temporary files is writable.
+    with suppress(OSError):
+        yield str(Path(tempfile.gettempdir()) / 'imu_allan')
 
 
 class NothingToSave(ImuAllanError):
     """Raised if a result has no axes."""
+
+
+@dataclass
+class _NextSave:
+    """The last save requested; `snapshot` is empty once the worker has begun it."""
+
+    of: tuple[Run, str, list[str]]
+    fed: int
+    snapshot: list[Snapshot]
+    future: 'Future[list[Path]]'
+
+    def holds(self, fed: int) -> bool:
+        """Return whether its files contain this many messages, or will."""
+        return self.fed == fed and (not self.future.done() or (
+            self.future.exception() is None and all(map(Path.exists, self.future.result()))))
 
 
 class Storage:
@@ -41,16 +80,11 @@ class Storage:
         self._unasked = values['state_file'] == DEFAULT_STATE_FILE
         self._state_file = self._opened(values['state_file'])
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
-        self._output_dir: str = values['output_dir']
-        try:
-            # Reported now, not only at the end.
-            require_writable(at_home(self._output_dir, 'output_dir'))
-        except ImuAllanError as error:
-            facts.output_error = f'output_dir: {error}'
-            log.error(facts.output_error, 'output_dir')
+        self.output_dir: str = values['output_dir']
         self.checkpoint_period: float = values['checkpoint_period']
         self.export_for: list[str] = list(values['export_for'])
         self.has_resumed = False
+        self._next_save: _NextSave | None = None
         self._saved: tuple[Run, Result] | None = None
         self._last_checkpoint = time.monotonic()
 
@@ -110,17 +144,25 @@ class Storage:
             return
         state = (pack(run, self._setup) if run.fed != run.checkpointed else None)
 
-        def keep() -> Path:
-            # Without room for it, the earlier state is all the more worth keeping.
-            with suppress(ImuAllanError):
-                if state is not None:
+        def keep() -> tuple[Path, str]:
+            unsaved = ''
+            if state is not None:
+                try:
                     state_file.save(state)
-            return state_file.keep_aside(why.reason)
+                except ImuAllanError as error:
+                    # The earlier state is then all the more worth keeping.
+                    unsaved = str(error)
+            return state_file.keep_aside(why.reason), unsaved
 
-        def note(future: 'Future[Path]') -> None:
+        def note(future: 'Future[tuple[Path, str]]') -> None:
             self._facts.checkpoint_error = self._worker.failure('aside', future)
-            if not self._facts.checkpoint_error:
-                self._note_aside(f'the one before cannot go on, {why}; its state', future.result())
+            if self._facts.checkpoint_error:
+                return
+            aside, unsaved = future.result()
+            self._note_aside(f'the one before cannot go on, {why}; its state', aside)
+            if unsaved:
+                self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
+                self._facts.checkpoint_error = unsaved
 
         self._worker.start('aside', keep, note)
         # The next run has to be on the disk at once.
@@ -161,18 +203,38 @@ class Storage:
 
     # -- the output folder ----------------------------------------------------------------------
 
-    def save(self, run: Run, picture: bool = True) -> 'Future[list[Path]]':
-        """Start writing result, curves, plot and configurations."""
-        name, snapshot = self._node_name, run.snapshot()
-        consumers = [consumer for consumer in self.export_for if consumer]
+    def try_output(self) -> None:
+        """Start a check of the output folder, to report faults early and not only at the end."""
+        folder = self.output_dir
+
+        def note(future: 'Future[None]') -> None:
+            if folder == self.output_dir:
+                self._facts.output_error = self._worker.failure('output_dir', future)
+
+        self._worker.start('try', lambda: try_folder(folder), note)
+
+    def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
+        """Start writing result, curves, plot and configurations; default is the output folder."""
+        folder = folder or self.output_dir
+        name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
+        of, last = (run, folder, consumers), self._next_save
+        if last is not None and last.of == of and last.holds(run.fed):
+            return last.future
+        snapshot = run.snapshot()
+        if last is not None and last.of == of:
+            # If the same save is still queued, let it include the latest samples.
+            with suppress(IndexError):
+                last.snapshot[0], last.fed = snapshot, run.fed
+                return last.future
+        waiting = [snapshot]
 
         def work() -> list[Path]:
-            result, _ = snapshot.fitted()
+            result = waiting.pop().result()
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topics} yet')
             start = (result.source.start_time or 'unknown').removesuffix('Z')
-            own = at_home(self._output_dir, 'output_dir') / re.sub(
+            own = at_home(folder, 'output_dir') / re.sub(
                 r'[^A-Za-z0-9_-]+', '-',
                 f'{name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
             self._saved = run, result
@@ -190,12 +252,14 @@ class Storage:
             self._facts.save_error = self._worker.failure('save', future)
             if self._facts.save_error:
                 return
-            self._facts.output_error = ''
+            if folder == self.output_dir:
+                self._facts.output_error = ''
             paths = future.result()
             self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
                            f'wrote to {paths[0].parent}')
 
-        return self._worker.start('save', work, note)
+        self._next_save = _NextSave(of, run.fed, waiting, self._worker.start('save', work, note))
+        return self._next_save.future
 
     def saved_of(self, run: Run) -> Result | None:
         """Return what a run was last saved as."""
@@ -205,12 +269,12 @@ class Storage:
 
     def save_state_at_end(self, run: Run) -> bool:
         """Write the state if it is newer than the last checkpoint; return whether that worked."""
-        self._worker.drop_queued(('fit', 'plot'))
+        self._worker.drop_queued(('fit', 'plot', 'try'))
         future = None if run.fed == run.checkpointed else self.checkpoint(run)
         return future is None or future.exception() is None
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
-        """Write the files; return whether all is well, else the state is kept."""
+        """Write the files, to another folder if the output folder fails; return if all is well."""
         if not run.fed and not (self._unasked and self.has_resumed):
             return True
         try:
@@ -221,5 +285,9 @@ class Storage:
             # All that the result permits is written, so the run is over.
             return True
         except ImuAllanError:
+            for folder in other_folders(self._state_file.path if self._state_file else None):
+                with suppress(ImuAllanError):
+                    self.save(run, folder).result()
+                    break
             return False
         return True

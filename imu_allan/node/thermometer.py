@@ -15,6 +15,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
+MATCHING_S = 5.0
+"""A missing publisher is reported after this time; discovery takes up to three seconds."""
 SILENCE_S = 30.0
 """Silence is reported after this time, or after three times the longest pause so far."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
@@ -28,6 +30,7 @@ class Thermometer:
         self._log = log
         self._facts = facts
         self._waiting = [_NONE] * lanes
+        self._last_reading: float | None = None
         self._longest_pause_s = 0.0
         self._beside: list[str] = []
         self._finds = not named
@@ -39,7 +42,7 @@ class Thermometer:
         # The queue of 1000 holds some seconds of the fastest thermometers.
         self._subscription = DrainedSubscription(self._node, Temperature, topic, 1000,
                                                  'temperature_topic')
-        self._last_reading = time.monotonic()
+        self._last_publisher = time.monotonic()
         self._facts.temperature_topic = self._subscription.topic
 
     def look_beside(self) -> None:
@@ -67,6 +70,7 @@ class Thermometer:
         if self._subscription is None:
             return
         batch = self._subscription.take()
+        self._facts.thermometers = self._subscription.publishers
         stamps, readings = [], []
         for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
             try:
@@ -90,10 +94,12 @@ class Thermometer:
                 for before, warmth in self._waiting]
 
     def _note_silence(self, now: float, has_come: bool) -> None:
-        pause_s = now - self._last_reading
+        if self._facts.thermometers:
+            self._last_publisher = now
+        self._facts.temperature_missing = now - self._last_publisher > MATCHING_S
+        pause_s = 0.0 if self._last_reading is None else now - self._last_reading
         if has_come:
-            if self._facts.temperature_c is not None:
-                self._longest_pause_s = max(self._longest_pause_s, pause_s)
+            self._longest_pause_s = max(self._longest_pause_s, pause_s)
             self._last_reading, pause_s = now, 0.0
         usual_s = max(SILENCE_S, 3 * self._longest_pause_s)
         self._facts.temperature_silent_s = pause_s if pause_s > usual_s else 0.0

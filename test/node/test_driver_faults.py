@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drivers, their clocks, the computer and errors of its own do to a node."""
 
+import json
+import os
 import re
 import struct
+import subprocess
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -11,6 +14,7 @@ from imu_allan.node.imu_type import message_class
 from imu_allan.noise.terms import AXES
 from imu_messages import encode_imu
 import numpy as np
+import pytest
 from rclpy.qos import QoSProfile
 from ros_harness import Driver, RATE_HZ, START_NS
 from sensor_msgs.msg import Temperature
@@ -33,11 +37,14 @@ def meanwhile(driver, condition):
 def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(ros, health):
     topic = ros.name('imu/temperature')
     node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
-                     constants={'diagnostics.RECENT_S': 5.0, 'thermometer.SILENCE_S': 5.0})
+                     constants={'diagnostics.RECENT_S': 5.0, 'thermometer.MATCHING_S': 1.0,
+                                'thermometer.SILENCE_S': 5.0})
     driver = Driver(ros).wait_for_node()
+    missing = f'nothing publishes {topic}: there is no temperature'
+    meanwhile(driver, lambda: missing in node.lines)
     publisher = ros.node.create_publisher(Temperature, topic, QoSProfile(depth=10))
     ros.until(publisher.get_subscription_count)
-    driver.publish(200)
+    meanwhile(driver, lambda: f'the thermometer on {topic} is there' in node.lines)
     publisher.publish(Temperature(temperature=20.0))
     driver.send(b'\0\1\0\0nothing of the kind')
     driver.next += 1
@@ -50,12 +57,12 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
     meanwhile(driver, lambda: rejected in node.lines)
     meanwhile(driver, lambda: Varying(f'no temperature on {topic} for <number> s') in node.lines)
     publisher.publish(Temperature(temperature=20.0))
-    meanwhile(driver, lambda: f'temperatures come on {topic}' in node.lines)
+    meanwhile(driver, lambda: f'temperatures come on {topic} again' in node.lines)
     # Levels are about now, totals stay.
     meanwhile(driver, lambda: health.level('reception') == health.level('timeline') == b'\0')
     assert health.number('reception', 'malformed') == 1
     assert health.number('timeline', 'missing') == health.number('timeline', 'rejected') == 1
-    for line in (malformed,
+    for line in (malformed, missing,
                  f'every message on {driver.topic} can be decoded again; 1 message could not be '
                  'in all', rejected):
         assert node.lines.count(line) == 1, node.log
@@ -76,6 +83,33 @@ def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_
     outliers = Varying('1 single message holds outliers, <words>')
     ros.until(lambda: 'no longer found: many missing' in node.lines and outliers in node.lines)
     assert not [line for line in node.lines if 'rejected' in line]
+
+
+@pytest.mark.parametrize(('size', 'filled', 'works'), [
+    ('1m', '500k', True), ('16k', '16k', False)])
+def test_where_shared_memory_is_short_samples_come_over_the_network(ros, size, filled, works):
+    # A small /dev/shm for what it runs, and nobody else.
+    short = ['unshare', '--mount', '--propagation', 'private', 'sh', '-c',
+             f'mount -t tmpfs -o size={size} tmpfs /dev/shm && '
+             f'head -c {filled} /dev/zero > /dev/shm/full; exec "$@"', 'sh']
+    if os.geteuid() != 0 or subprocess.run([*short, 'true'], capture_output=True,
+                                           check=False).returncode:
+        pytest.skip('only root can mount a small /dev/shm')
+    node = ros.start('imu_allan_node', shared_memory=True, wrapper=short)
+    remedy = 'remove files from it, or give it room, such as with --shm-size of docker run'
+    if not works:
+        assert node.wait() == 1
+        assert node.lines == ['imu_allan_node: /dev/shm is full, so the libraries of ROS would '
+                              f'crash; {remedy}']
+        return
+    simulator = ros.start('imu_simulator', {'rate': 1000.0, 'duration': 2.0,
+                                            'wait_for_subscriptions': 1},
+                          shared_memory=True, wrapper=short)
+    assert simulator.wait() == 0, simulator.log
+    assert ros.saved_with(2000)
+    assert Varying('imu_allan_node: /dev/shm has only <number> MB of room: messages come over the '
+                   f'network, at more cost; {remedy}') in node.lines
+    assert node.stop() == 0
 
 
 def message(index, value=None, *, stamp=None, frame_id='imu', absent=(False, False)):
@@ -164,20 +198,23 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
     assert document['timeline']['samples'] == 4000
 
 
-def test_an_output_folder_that_takes_nothing_is_reported_and_the_run_goes_on(ros, health):
-    file, state = ros.folder / 'file', str(ros.folder / 'states' / 'state')
-    file.write_text('in the way')
-    node = ros.start('imu_allan_node', {'output_dir': str(file / 'output'), 'state_file': state})
-    line = (f'output_dir: {file}/output: cannot be written ({file} is not a folder); choose a '
-            'folder that may be written to')
+def test_an_output_folder_that_takes_nothing_is_reported_and_replaced_at_the_end(ros, health):
+    (ros.folder / 'file').write_text('in the way')
+    unwritable = str(ros.folder / 'file' / 'output')
+    node = ros.start('imu_allan_node', {'output_dir': unwritable,
+                                        'state_file': str(ros.folder / 'states' / 'state')})
+    line = (f'output_dir {unwritable}: cannot be written (Not a directory); set the parameter to '
+            'a folder that may be written to')
     ros.until(lambda: line in node.lines)
     driver = Driver(ros).wait_for_node()
     driver.publish(4000)
     ros.until(lambda: health.said('storage', line, b'\2'))
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
-    assert Varying(f'{file}/output/<words>: cannot be written (Not a directory); choose a folder '
+    assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '
                    'that exists on a disk with room and may be written to; not written either: '
                    'curve.csv, imu.yaml, allan_deviation.png') in node.lines
-    ros.start('imu_allan_node', {'state_file': state})
-    assert ros.saved_with(4000)
+    [path] = (ros.folder / 'states').rglob('result.json')
+    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+    assert ('wrote result.json, curve.csv, imu.yaml, allan_deviation.png to '
+            f'{path.parent}') in node.lines

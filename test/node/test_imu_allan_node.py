@@ -111,14 +111,17 @@ def test_what_has_not_changed_is_not_published_again(live):
         (Vector3Stamped, 'gyro/noise_density'))}
     live.until(lambda: all(counts.values()))
     health = Health(live)
-    # Half a dozen periods.
+    # Half a dozen periods, in one of which somebody new has come, and not asked for what was.
     live.until(lambda: health.heard)
+    late = live.listen(String, 'imu_allan/result', 10)
+    live.until(lambda: late)
     for _ in range(3):
         health.news()
-    assert [len(messages) for messages in counts.values()] == [1, 1, 1]
+    assert len(late) == 1
+    assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
 
-def test_save_writes_result_curves_plot_and_filter_configurations(live):
+def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_are_there(live):
     response = live.call(Trigger, 'imu_allan/save')
     assert response.success
     paths = [Path(line) for line in response.message.splitlines()]
@@ -133,6 +136,35 @@ def test_save_writes_result_curves_plot_and_filter_configurations(live):
     assert document['timeline']['samples'] == RATE_HZ * DURATION_S
     assert paths[-1].read_bytes().startswith(b'\x89PNG')
     assert f'rostopic: "{live.name("imu/data_raw")}"' in paths[2].read_text()
+    written = paths[0].stat().st_mtime_ns
+    assert live.call(Trigger, 'imu_allan/save').message == response.message
+    assert paths[0].stat().st_mtime_ns == written
+    # Unless somebody has taken a file away.
+    paths[-1].unlink()
+    assert live.call(Trigger, 'imu_allan/save').message == response.message
+    assert paths[-1].exists()
+    assert paths[0].stat().st_mtime_ns > written
+
+
+def test_whoever_is_on_the_network_can_have_files_written_below_the_first_folder_alone(live):
+    start = live.folder / 'output'
+    elsewhere = (f'output_dir: while the node runs it can only be set to {start} and folders '
+                 'below; start the node with another one')
+    for folder, reason in (
+            ('/etc', elsewhere), (str(live.folder), elsewhere), ('~', elsewhere),
+            (str(start / '..' / 'outputs'), elsewhere), ('~nosuchuser/x', Varying('<words>')),
+            ('x' * 1001, 'output_dir: at most 100 texts of 1000 characters each are taken')):
+        answer = set_parameter(live, 'output_dir', folder)
+        assert (answer.successful, answer.reason) == (False, reason)
+    (start / 'file').write_text('in the way')
+    change(live, 'output_dir', str(start / 'file' / 'below'))
+    response = live.call(Trigger, 'imu_allan/save')
+    assert (response.success, response.message) == (False, Varying(
+        f'{start}/file/below/<words>: cannot be written (Not a directory); choose a folder that '
+        'exists on a disk with room and may be written to; not written either: curve.csv, '
+        'imu.yaml, allan_deviation.png'))
+    change(live, 'output_dir', str(start))
+    assert live.call(Trigger, 'imu_allan/save').success
 
 
 def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live):
@@ -181,6 +213,7 @@ def test_reset_begins_anew_and_says_so_on_every_topic(live):
     arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients')
     live.until(lambda: arrays)
     assert live.call(Trigger, 'imu_allan/reset').success
+    # The old result is published again every period, until the new one is there.
     live.until(lambda: not arrays[-1].status)
     vectors = live.listen(Vector3Stamped, 'imu_allan/gyro/noise_density')
     live.until(lambda: vectors and math.isnan(vectors[-1].vector.x))

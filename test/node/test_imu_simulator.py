@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
 from pathlib import Path
+import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from ros_harness import entries
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
 RATE_HZ = 20.0
@@ -86,6 +88,27 @@ def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros):
         # slower for it: some of each half are as early as the earliest.
         assert np.ptp([half.min() for half in np.array_split(late_s, 2)]) < 0.1
         assert np.quantile(late_s - late_s.min(), 0.2) < 0.05
+
+
+def test_samples_are_dropped_and_the_imu_knocked_on_request(ros, recording):
+    simulator = ros.start('imu_simulator', {
+        'model': str(MODEL), 'rate': 200.0, 'drop_samples': 30, 'knock_size': 5.0,
+        'wait_for_subscriptions': 1})
+    ros.until(lambda: len(recording) > 50)
+    assert ros.call(Trigger, 'imu_simulator/drop').success
+    here = len(recording)
+    ros.until(lambda: len(recording) > here + 100)
+    assert ros.call(Trigger, 'imu_simulator/knock').success
+    here = len(recording)
+    ros.until(lambda: len(recording) > here + 100)
+    assert simulator.stop(signal.SIGTERM) == 0
+    steps = np.diff(recording.header_ns) / 5e6
+    assert np.flatnonzero(np.rint(steps) != 1).size == 1
+    assert steps.max() == pytest.approx(31, abs=1e-3)
+    forward = np.abs(recording.samples[:, 3])
+    assert forward.max() == pytest.approx(5.0, rel=0.2)
+    loud = np.flatnonzero(forward > 0.5)
+    assert loud[-1] - loud[0] < 0.6 * 200
 
 
 def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros):

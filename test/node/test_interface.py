@@ -18,25 +18,29 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-PROGRAMS = {one.name: one for one in (CHARACTERIZATION, SIMULATOR)}
+INTERFACES = {one.program: one for one in (CHARACTERIZATION, SIMULATOR)}
+TERMS = ('noise_density', 'bias_instability', 'rate_random_walk', 'filter_random_walk')
 
 
 @pytest.mark.parametrize('program', ENTRY_POINTS)
 def test_help_describes_a_node_without_starting_ros(program):
     start = (f'import sys; from {ENTRY_POINTS[program]} import main; status = main(); '
              'print("rclpy" in sys.modules); sys.exit(status)')
-    text = help_text(PROGRAMS[program])
+    text = help_text(INTERFACES[program])
     assert python('-c', start, '--help', check=True).stdout == f'{text}\nFalse\n'
     assert text.startswith(f'usage: {program} ')
-    for setting in PROGRAMS[program].settings:
+    for setting in INTERFACES[program].settings:
         assert f'  {setting.name} (' in text
 
 
 @pytest.fixture(scope='module')
 def running(shared_ros):
     shared_ros.start('imu_allan_node', {'use_sim_time': True})
-    # The service that is made last.
-    shared_ros.until(lambda: 'imu_allan/pause' in offered(shared_ros, 'imu_allan')['reply'])
+    shared_ros.start('imu_simulator')
+    # The services that are made last.
+    for name, last in ('imu_allan', 'pause'), ('imu_simulator', 'knock'):
+        shared_ros.until(lambda name=name, last=last: f'{name}/{last}' in offered(
+            shared_ros, name)['reply'])
     return shared_ros
 
 
@@ -50,6 +54,28 @@ def offered(ros, name):
                 ('publish', ros.node.get_publisher_names_and_types_by_node),
                 ('subscribe', ros.node.get_subscriber_names_and_types_by_node),
                 ('reply', ros.node.get_service_names_and_types_by_node))}
+
+
+def expanded(interface, node):
+    names = set()
+    for entries in (interface.subscribed, interface.published, interface.services):
+        for written, _, _ in entries:
+            for name in re.sub(r'(\S+)/low, \.\.\.(/high)', r'\1/low, \1\2', written).split(', '):
+                names |= {name.replace('~', node).replace('SENSOR', sensor).replace('TERM', term)
+                          for sensor in ('gyro', 'accel') for term in TERMS}
+    return names
+
+
+@pytest.mark.parametrize('program', ENTRY_POINTS)
+def test_what_help_names_is_what_the_node_has(running, program):
+    node = program.removesuffix('_node')
+    # Nothing is measured of the tuned walk.
+    wanted = {name for name in expanded(INTERFACES[program], node)
+              if 'filter_random_walk/interval' not in name}
+    found = set.union(*offered(running, node).values())
+    assert wanted <= found
+    assert {name for name in found - wanted if 'parameter' not in name} <= {
+        '/rosout', f'{node}/get_type_description', '/clock'}
 
 
 def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status():

@@ -170,7 +170,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     announcements = Announcements(Log(lambda: heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
-                temperature_topic='/warmth', temperature_silent_s=31.0)
+                temperature_topic='/warmth', temperature_missing=True)
     moving = summary(moving=True, clock_jumps=1)
     for now in range(100):
         announcements.see_reception(bad)
@@ -197,7 +197,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
         'info the messages on /imu are new again',
         'info every message on /imu can be decoded again; 1 message could not be in all',
         'info no message on /imu is lost any more; 3 were in all',
-        'info temperatures come on /warmth',
+        'info the thermometer on /warmth is there',
         'info messages come on /imu again after 4 s without',
         'info the IMU is at rest again',
         'info the rate is the expected one again',
@@ -310,7 +310,7 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
     assert standards.judge(run.result(), run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
     # A look takes the fits that the result was made of.
-    result, fits = Run(Lane(noisy)).snapshot().fitted()
+    [result], fits = Run(Lane(noisy)).snapshot().fitted()
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]

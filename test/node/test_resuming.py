@@ -226,6 +226,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     [aside] = tmp_path.glob('state.rate.*')
     kept = unpack(decode_state(aside.read_bytes()), SETUP).lanes[0].characterization
     assert kept.summary().timeline.samples == 2000
+    assert 'error its latest samples are not in it: No space left on device' in heard.lines
     storage.close(is_over=False)
 
 

@@ -4,20 +4,20 @@
 
 from dataclasses import replace
 import json
+from operator import itemgetter
 import time
 from unittest.mock import Mock
 
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import Batch
 from imu_allan.node.log import Log
-from imu_allan.node.publishers import Publishers
-from imu_allan.node.reception import Reception
+from imu_allan.node.publishers import MIXED, Publishers
 from imu_allan.node.results import Results
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.noise.random_effects import random_effects
+from imu_allan.result import Source
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ class World:
             for first in range(0, len(block), together):
                 self.runs.take(number, publisher, [block.part(slice(first, first + together))])
         for lane, seen in zip(self.runs.run.lanes, self.summaries(), strict=True):
-            lane.known.learn(seen.clock)
+            lane.known.learn(Source('topic', None, '/imu', None, None, seen.clock))
 
     def summaries(self):
         streams = [lane.snapshot().characterization for lane in self.runs.run.lanes]
@@ -147,8 +147,13 @@ def test_other_rates_for_some_seconds_end_no_run(world):
         id='strangers for some seconds'),
     pytest.param(100.0, 100, [
         (600, 0, 1, {}), (20, 605, 2, {'noise': 3 * NOISE}), (20, 625, 2, {}), (20, 645, 2, {})],
-        [], 66_000, id='shaken while its driver starts')])
-def test_an_imu_is_known_by_its_rate_and_frame(rate_hz, together, comes, reasons, samples):
+        [], 64_000, id='shaken while its driver starts'),
+    # It has to last for a minute, within which it is looked at several times.
+    pytest.param(100.0, 50, [(600, 0, 1, {}), (100, 605, 2, {'noise': 1.2 * NOISE})], ['noise'],
+                 10_000, id='another noise'),
+    pytest.param(20.0, 10, [(90, 0, 1, {}), (60, 95, 2, {'noise': 1.2 * NOISE})], ['noise'], 1200,
+                 id='another noise at a low rate')])
+def test_an_imu_is_known_by_its_rate_frame_and_noise(rate_hz, together, comes, reasons, samples):
     world = World()
     for seed, (seconds, start_s, publisher, other) in enumerate(comes):
         last = {'rate_hz': rate_hz, **other}
@@ -158,7 +163,7 @@ def test_an_imu_is_known_by_its_rate_and_frame(rate_hz, together, comes, reasons
     assert world.samples == pytest.approx(samples, rel=0.025)
     assert world.timeline.rejected == 0
     last = last if reasons else {'rate_hz': rate_hz}
-    assert_density(world.runs.run.snapshot().fitted()[0].to_dict(), last['rate_hz'],
+    assert_density(world.runs.run.snapshot().result().to_dict(), last['rate_hz'],
                    last.get('noise', NOISE))
 
 
@@ -191,13 +196,14 @@ def test_a_frame_that_changes_within_a_bundle_divides_it_between_two_runs(world)
     world.runs.take(0, 1, [at_rest(30, start_s=PROVEN_S), replace(
         at_rest(4000, start_s=PROVEN_S + 0.3), frame_id='other')])
     [(before, _)] = world.replaced
-    for timeline, samples in (
-            (before.snapshot().fitted()[0].timeline, 30_030), (world.timeline, 4000)):
+    for timeline, samples in (before.snapshot().result().timeline, 30_030), (world.timeline, 4000):
         assert (timeline.samples, timeline.rejected) == (samples, 0)
 
 
-def test_a_rate_that_changes_before_any_fit_begins_a_new_run():
+def test_a_rate_that_changes_before_any_fit_begins_a_new_run_and_who_is_mixed_feeds_none():
     runs = World().runs
+    runs.take(0, MIXED, [at_rest(1000)])
+    assert runs.run.fed == 0
     for start_s, rate_hz in (0.0, 200.0), (60.0, 208.0):
         block = at_rest(round(60 * rate_hz), rate_hz, start_s=start_s, seed=round(rate_hz))
         for first in range(0, len(block), 100):
@@ -264,7 +270,7 @@ def test_a_second_time_counts_once_though_the_node_ended_before_the_unit_was_kno
     run.lanes[0].update([block])
     run = resumed(run)
     run.lanes[0].update([block])
-    assert run.snapshot().fitted()[0].timeline.samples == 1000
+    assert run.snapshot().result().timeline.samples == 1000
     assert not run.lanes[0].seen.looping
 
 
@@ -276,7 +282,7 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value):
     for part in (slice(0, 100), slice(100, 5995), slice(5995, None)):
         run.lanes[0].update([block.part(part)])
         run = resumed(run)
-    timeline = run.snapshot().fitted()[0].timeline
+    timeline = run.snapshot().result().timeline
     assert (timeline.samples, timeline.rejected) == (5997, 3)
 
 
@@ -297,7 +303,7 @@ def test_means_of_every_boot_make_the_turn_on_bias(boot):
         block = at_rest(4000, 200.0, start_s=number * 1e5, seed=number, mean=(bias, 0, 0, 0, 0, 0))
         run.lanes[0].update([block])
         means.append(float(block.samples[:, 0].mean()))
-    spread, error = run.snapshot().fitted()[0].turn_on_bias, NOISE / 4000**0.5
+    spread, error = run.snapshot().result().turn_on_bias, NOISE / 4000**0.5
     expected = random_effects(means, [error] * len(means))
     assert spread['gyro_x'].sigma == pytest.approx(expected.between, rel=1e-3)
     assert spread['gyro_x'].ci95 == pytest.approx(expected.between_ci95, rel=1e-2)
@@ -310,49 +316,70 @@ def test_power_ons_one_soon_after_the_other_are_no_slow_turn():
         run.lanes[0].update([at_rest(4000, start_s=60.0 * number, seed=number,
                                      mean=(bias, 0, 0, 0, 0, 9.8))])
         run.lanes[0].power_on()
-    assert 'slow_motion' not in {finding.code for finding in run.snapshot().fitted()[0].warnings}
+    assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
 
 
-def test_numbers_tell_how_many_are_lost_and_whether_two_publishers_are_mixed():
-    subscription = Mock(**{'publisher_gids.side_effect': lambda: set(there)})
-    facts, decoded, there = Facts('/imu', 10_000, 0.0, ''), [], {'first'}
-    reception = Reception(subscription, facts, lambda *batch: decoded.append(batch) or [], Mock())
-    for start_s, numbers, gids, lost in (
-            (1.0, [*range(1, 101), *range(111, 211)], {'first'}, 10),
-            # A pause of the node.
-            (20.0, range(1211, 1220), {'first'}, 1010),
-            (20.1, [1220, 7, 1221, 8], {'first', 'other'}, 1010),
-            (20.6, [1222, 9], {'first', 'other'}, 1010),
-            # A driver that starts anew, whose first messages are not received.
-            (30.0, range(300, 500), {'again'}, 1010)):
-        there, stamps = gids, np.rint((start_s + 0.005 * np.arange(len(numbers))) * SECOND)
-        subscription.take.return_value = Batch(
-            [b''] * len(numbers), stamps.astype(int), np.array(numbers))
-        reception.take(start_s)
-        assert (facts.lost, facts.mixed) == (lost, 'other' in gids)
-    assert facts.mixed_samples == 6
-    assert [(publisher, len(batch)) for publisher, batch in zip(
-        [publisher for publisher, _ in reception.blocks()], [b for b, *_ in decoded], strict=True)
-            ] == [(1, 200), (1, 9), (2, 200)]
+def stream(first, count, start_s):
+    """Give numbers of messages of one publisher, and when they are received, at 200 Hz."""
+    return [(first + i, start_s + i * 0.005) for i in range(count)]
 
 
-def test_another_set_of_offers_is_another_publisher():
+@pytest.mark.parametrize('steps', [
+    # Of each step: what comes, whose it is, how many are lost, and who delivers a moment later.
+    pytest.param([([*stream(1, 100, 0.0), *stream(111, 100, 0.55)], [1], 10, 1)], id='losses'),
+    pytest.param([(stream(1, 1000, 0.0), [1], 0, 1), (stream(2001, 1000, 10.0), [1], 1000, 1)],
+                 id='a pause of the node'),
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1),
+                  (sorted([*stream(4001, 1000, 20.0), *stream(1, 1000, 20.001)],
+                          key=itemgetter(1)), [1, 2], 0, 2),
+                  (stream(5001, 2000, 25.0), [1], 0, 1)], id='two in turn'),
+    # The first messages may come before it is discovered.
+    pytest.param([(stream(1, 4000, 0.0), [1], 0, 1), (stream(1, 4000, 20.5), [2], 0, 1),
+                  (stream(300, 4000, 41.0), [3], 0, 1)], id='a driver that starts anew'),
+    # In parts, one of which ends where the first driver has ended.
+    pytest.param([(stream(1, 100, 0.0), [1], 0, 1), *(
+        (stream(1 + 50 * part, 50, 3.0 + 0.25 * part), [2], 0, 1) for part in range(8))],
+        id='a driver that passes the last number of the one before')])
+def test_numbers_tell_whose_messages_are_and_how_many_are_lost(steps):
+    publishers = Publishers()
+    for messages, senders, lost, delivering in steps:
+        numbers, seconds = zip(*messages, strict=True)
+        keys, missed = publishers.of(np.array(numbers),
+                                     np.rint(np.array(seconds) * SECOND).astype(int))
+        assert (list(dict.fromkeys(keys.tolist())), missed) == (senders, lost)
+        assert len(set(np.bincount(keys)[senders])) == 1
+        assert publishers.delivering(round((seconds[-1] + 4) * SECOND)) == delivering
+
+
+def test_two_that_started_together_are_mixed_until_one_is_left():
+    publishers, bundle = Publishers(), 20
+    both = np.repeat(np.arange(1, 1001).reshape(-1, 1, bundle), 2, axis=1).ravel()
+    keys, lost = publishers.of(both, (5_000_000 * both).astype(int))
+    assert (set(keys[2 * bundle:].tolist()), lost) == ({MIXED}, 0)
+    assert publishers.delivering(5 * SECOND) == 2
+    left = np.arange(1001, 3001)
+    keys, lost = publishers.of(left, 5_000_000 * left)
+    assert (keys[0], keys[-1] > 0, lost) == (MIXED, True, 0)
+
+
+def test_without_numbers_another_set_of_offers_is_another_publisher():
     offers = set()
     publishers = Publishers(lambda: set(offers))
 
     def sender(seconds, *there):
         offers.clear()
         offers.update(there)
-        return publishers.sender(*[round(seconds * SECOND)] * 2)
+        keys, lost = publishers.of(None, np.full(3, round(seconds * SECOND)))
+        assert (len(set(keys)), lost) == (1, 0)
+        return int(keys[0])
 
-    assert [sender(1, *there) for there in ([], [b'a'], [b'a', b'b'], [b'b'], [b'c'], [])] == [
+    assert [sender(0, *there) for there in ([], [b'a'], [b'a', b'b'], [b'b'], [b'c'], [])] == [
         1, 1, 1, 2, 3, 3]
     # The identity of a driver that was killed stays for a while: after a silence it is the
     # newcomer who sends. What that one loses is no other publisher.
     killed, both, three = [b'c'], [b'c', b'd'], [b'c', b'd', b'e']
-    assert [(sender(seconds, *there), publishers.count()) for seconds, there in (
-        (1.5, killed), (2.5, both), (7.0, three), (11.0, three))] == [
-            (3, 1), (3, 2), (4, 1), (4, 1)]
+    assert [sender(seconds, *there) for seconds, there in (
+        (0.5, killed), (1.5, both), (6.0, three), (10.0, three))] == [3, 3, 4, 4]
 
 
 @pytest.mark.parametrize('speed', [1.0, 100.0])
@@ -369,6 +396,6 @@ def test_a_fit_is_due_as_the_record_grows_however_fast_it_is_replayed(speed):
         'publish_period': 1.0})
     for second in range(1, 61):
         run.fed, run.span_s = second, speed * second
-        results.fit_if_due(began + second + 0.5, run, began + second)
+        results.publish_or_fit(began + second + 0.5, run, began + second)
     # Half a second of the processor is 1 % of 50 s; until then the record is to be tripled.
     assert fitted == [1, 3, 9, 27, 50, 60]
