@@ -534,9 +534,10 @@ WORDS: Mapping[str, Words] = {
         brief='most of the recording is missing'),
     'lost_messages': Words(
         'lost messages', 'Fewer messages were found than recorded.',
-        'metadata.yaml counts more.',
-        says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} that metadata.yaml '
-                       'counts were found',
+        'metadata.yaml counts more, or numbers of messages are missing.',
+        says=lambda f: f'{f.found} of the {f.counted} messages of {f.topic} '
+                       + ('that metadata.yaml counts were found' if f.by != 'numbers' else
+                          'by their numbers were recorded'),
         do=_again, general='copy it again',
         brief='most messages are lost'),
     'missing_file': Words(

@@ -190,4 +190,6 @@ def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatc
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
     log_time_at = RECORD_HEAD + 6   # after channel and sequence
     log_time = records[:, log_time_at:log_time_at + 8].view('<i8')[:, 0]
-    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time)
+    number_at = RECORD_HEAD + 2   # after channel
+    number = records[:, number_at:number_at + 4].view('<u4')[:, 0]
+    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number)
