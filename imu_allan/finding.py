@@ -143,6 +143,7 @@ CODES: Mapping[str, Code] = {
     'uneven_stamps': _know(
         clock=Text, hidden_share=Share | None, density_high_share=Share | None,
         rate_error_share=Share | None),
+    'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
     'clock_jumps': _know(clock=Text, count=Count),
     'gaps_not_listed': _know(gaps=Count, gaps_s=Seconds, listed=Count),
     'held_values': _know(share=Share),

@@ -166,6 +166,7 @@ class Placing(Record):
                 yield from self._split_by_rate(messages, changes)
                 return
             cursor.other_rate = False
+            self._note_uneven(messages, steps)
         yield from self._put(messages, steps)
 
     def _as_before(self, messages: Messages) -> bool:
@@ -216,17 +217,48 @@ class Placing(Record):
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
         return count_steps(self._places(messages), pace, late, cursor.begins)
 
-    def _rate_uncertain(self, messages: Messages, steps: Ints) -> bool:
+    def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
+        """Return elapsed intervals, grid places and number of messages, each without gaps."""
+        pace, steps = self._decision.pace, steps[1:]
+        passed = np.diff(stamps)
+        short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
+        return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
+                int(np.count_nonzero(short)))
+
+    def _disagree(self, passed: float, counted: int, messages: int) -> bool:
         """Return whether elapsed and counted intervals differ by more than jitter explains."""
-        c, pace = messages.consumed, self._decision.pace
+        pace = self._decision.pace
+        width = sqrt(12) * pace.spread if pace.counting else 0.0
+        return abs(passed - counted) > 4 + width + 0.003 * messages
+
+    def _note_uneven(self, messages: Messages, steps: Ints) -> None:
+        """Record rates that differ too little, or too briefly, for messages to be left out."""
+        counts, c = self._counts, messages.consumed
+        stamps, steps = messages.stamps[:c], steps[:c]
+        whole = self._uneven_rate(stamps, steps)
+        if whole is None:
+            return
+        # A difference for some seconds is small in the whole, so parts of 256 messages are
+        # checked, too. At least `_LATELY` of these must be free of gaps.
+        parts = [self._uneven_rate(stamps[first:first + 256], steps[first:first + 256])
+                 for first in range(0, c, 128)]
+        rates = [SECOND / self._decision.pace.interval_ns, whole, *filter(None, parts)]
+        counts.lowest_rate_hz = min(counts.lowest_rate_hz or whole, *rates)
+        counts.highest_rate_hz = max(counts.highest_rate_hz, *rates)
+
+    def _uneven_rate(self, stamps: Stamps, steps: Ints) -> float | None:
+        """Return the rate of messages, or None if it is unchanged or they are too few."""
+        passed, counted, unbroken = self._passed(stamps, steps)
+        if counted < _LATELY or passed <= 0 or not self._disagree(passed, counted, unbroken):
+            return None
+        return SECOND / self._decision.pace.interval_ns * counted / passed
+
+    def _rate_uncertain(self, messages: Messages, steps: Ints) -> bool:
+        c = messages.consumed
         if c < 2:
             return False
-        passed, counted = np.diff(messages.stamps[:c]), steps[1:c]
-        short = ~_gaps(passed, counted, self._options.gap_tolerance + 1, pace)
-        places = int(counted[short].sum())
-        width = sqrt(12) * pace.spread if pace.counting else 0.0
-        off = abs(float(passed[short].sum()) / pace.interval_ns - places)
-        if off > 4 + width + 0.003 * c or places - np.count_nonzero(short) > 0.25 * c:
+        passed, counted, unbroken = self._passed(messages.stamps[:c], steps[:c])
+        if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
             return True
         # Half the rate for some of the messages looks like every second one lost.
         blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)

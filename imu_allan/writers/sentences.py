@@ -678,6 +678,15 @@ WORDS: Mapping[str, Words] = {
         'The stamps scatter by a good part of the interval.',
         says=_uneven_stamps,
         do='let the driver stamp each sample when it is taken'),
+    'uneven_rate': Words(
+        'uneven rate',
+        'The rate varies: averaging times are off by up to so much, N by half of it.',
+        'The rate differs between segments.',
+        says=lambda f: f'the sample rate varies between {f.lowest_hz:.5g} and '
+                       f'{f.highest_hz:.5g} Hz: {f.mean_hz:.5g} Hz, its mean, is used. '
+                       f'Averaging times may be up to {_percent(f.tau_error_share, 1)} off and '
+                       'N half as much',
+        do='let the sensor set the rate, not a timer of the driver'),
     'clock_jumps': Words(
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
         'A stamp and all that follow lie far from where the rate puts them.',
