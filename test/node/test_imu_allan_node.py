@@ -162,7 +162,7 @@ def test_whoever_is_on_the_network_can_have_files_written_below_the_first_folder
     assert (response.success, response.message) == (False, Varying(
         f'{start}/file/below/<words>: cannot be written (Not a directory); choose a folder that '
         'exists on a disk with room and may be written to; not written either: curve.csv, '
-        'imu.yaml, allan_deviation.png'))
+        'imu.yaml, kalibr_imu_chain.yaml, allan_deviation.png'))
     change(live, 'output_dir', str(start))
     assert live.call(Trigger, 'imu_allan/save').success
 
