@@ -37,7 +37,7 @@ TERMS_OF_ART = (
     'unaided', 'upper bound', 'warm-up', 'white noise', 'NIS', 'NEES', 'Cramér-Rao', 'likelihood',
     'deterministic drift', 'in-run bias stability', 'evidence', 'coverage', 'degrees of freedom',
     'jitter', 'rms', 'aiding interval', 'averaging time', 'backtest', 'bias state', 'conservative',
-    'correlation time', 'drift model', 'effective window', 'full model',
+    'correlation time', 'deadband', 'drift model', 'effective window', 'full model',
     'interpolated', 'overconfident', 'predicted variance', 'saturat', 'standard deviation',
     'time constant', 'variance')
 GLOSSARY = (ROOT / 'docs' / 'glossary.md').read_text()

@@ -39,6 +39,7 @@ from imu_allan.result import (
     AxisResult,
     Coefficient,
     Curve,
+    Deadband,
     DriftModel,
     GaussMarkov,
     GoodnessOfFit,
@@ -149,6 +150,9 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
     match axis_fault(finished, axis) or one_value(finished.periodogram.sections(), axis):
         case Constant(value):
             return base, [finding('constant_axis', value=value, unit=base.unit)]
+        case Deadband(width, share) as deadband:
+            return replace(base, deadband=deadband), [
+                finding('deadband', share=share, width=width, unit=base.unit)]
         case StoodStill(first, samples):
             span = Span(first * dt, samples * dt)
             return replace(base, stood_still=span), [

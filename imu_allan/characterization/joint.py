@@ -165,7 +165,11 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
             still = replace(span, start_s=part.start_s + span.start_s)
     return replace(axis, stood_still=still,
                    saturated=max((own.saturated for own in each if own.saturated is not None),
-                                 key=lambda end: end.share, default=axis.saturated))
+                                 key=lambda end: end.share, default=axis.saturated),
+                   deadband=max((own.deadband for own in each if own.deadband is not None),
+                                key=lambda band: band.share, default=axis.deadband),
+                   copy_of=next((own.copy_of for own in each if own.copy_of is not None),
+                                axis.copy_of))
 
 
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:

@@ -79,8 +79,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     Returns
     -------
     list of AxisFit or None
-        None for an axis that is clipped, or is constant for all or part of the record. None for
-        all axes if the record is too short.
+        None for an axis that is clipped, has a deadband, or is constant for all or part of the
+        record. None for all axes if the record is too short.
 
     Examples
     --------
@@ -141,6 +141,18 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
     beside = source.record.with_trends(posterior.trends(source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
                    beside, source.parts)
+
+
+def copies(finished: Estimator) -> list[tuple[int, int, int]]:
+    """
+    Find pairs of axes with the same samples, or with samples of opposite sign.
+
+    Returns: the indices of two axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``.
+    Axes that are constant, or whose steps hide the noise, are left out: they may agree by chance.
+    """
+    coarse = steps_hide_noise(finished)
+    return [] if finished.samples < SHORTEST_RECORD else [
+        pair for pair in finished.census.copies() if not coarse[pair[0]]]
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,10 @@
 """
 Faults that keep a single axis from measuring, throughout or for part of the record.
 
+Rounding leaves values at every step next to zero. A deadband leaves none between zero and its
+width, but many just beyond. Magnitudes are counted in logarithmic bins, so that counts of several
+records can be added, and the step of the output need not be known.
+
 A clipped output has too many samples at an end of its range. For Gaussian noise that is rounded to
 steps, a share p in the last step with nothing beyond it is unlikely. If Q(z) = p, n Q(z + d)
 samples are expected beyond, with the step d in units of the noise of a sample. A moving mean only
@@ -13,9 +17,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from imu_allan.arrays import Array, Bools
+from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.record.signal_over_time import stood_still
+from imu_allan.result import Deadband
 import numpy as np
 from scipy.special import ndtr, ndtri
 
@@ -41,17 +47,19 @@ class Clipped(NamedTuple):
     is_highest: bool    # whether it is the upper end of the range
 
 
-AxisFault = Constant | StoodStill | Clipped
+AxisFault = Constant | Deadband | StoodStill | Clipped
 
 
 def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     """
     Return the fault of an axis, or None if its coefficients can be estimated.
 
-    Returns: the first that applies of `Constant`, `StoodStill` and `Clipped`.
+    Returns: the first that applies of `Constant`, `Deadband`, `StoodStill` and `Clipped`.
     """
     if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
+    if (dead := deadband(finished, axis)) is not None:
+        return dead
     # With coarse steps, it is normal for an output to keep one value for a long time.
     if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
@@ -74,6 +82,41 @@ def one_value(sections: Sequence[SpectrumSection], axis: int) -> StoodStill | No
         return None
     longest = max(sections, key=lambda section: section.length * section.step)
     return StoodStill(longest.start, longest.length * longest.step)
+
+
+def deadband(finished: Estimator, axis: int) -> Deadband | None:
+    """
+    Find a deadband, in which an axis reports small values as zero.
+
+    Returns: None without one. There is none if all values lie on one side of zero, or if fewer
+    samples are zero than such a gap would hold. There is also none if the output steps so
+    coarsely that the second value is twice the first.
+    """
+    census = finished.census
+    zeros, sizes = int(census.zeros[axis]), census.sizes[axis]
+    # A deadband of a fiftieth of sigma holds 1 % of the samples and hardly reduces the noise.
+    if (finished.reference is None or zeros < max(1, 0.01 * finished.measured)
+            or not census.lowest[axis] < -finished.reference[axis] < census.highest[axis]):
+        return None
+    first = end_of_hole(sizes)
+    if first is None:
+        return None
+    # With a coarsely stepped output, the second value lies an octave above the first. Either may
+    # lie at the border of a bin.
+    octave = sizes[first:first + BINS_PER_OCTAVE]
+    # Compare the zeros with the samples in the equally wide octave beyond the gap. The ratio is
+    # about 1 for a deadband, 0.5 for a value between two neighbours, 0.25 for an output rounded
+    # twice. A wide deadband is one step wide; a gap below 0.7 steps lacks only small sums of mixed
+    # axes, which are rare. Chosen by judgment.
+    if (int(octave[2:-1].sum()) <= FEWEST or zeros < 0.6 * octave.sum()
+            or lower_edge(first) < 0.7 * census.step[axis]):
+        return None
+    # A mixture of axes with few values each leaves isolated values, far apart. Three empty bins in
+    # a row may lie between values of 3, 4 and 5 output steps. Chosen by judgment.
+    taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > 0.05 * octave.mean())
+    if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > 4:
+        return None
+    return Deadband(lower_edge(first), zeros / finished.measured)
 
 
 def clipping(finished: Estimator, axis: int) -> Clipped | None:

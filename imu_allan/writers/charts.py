@@ -118,9 +118,9 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         drawing.add(panel, inside)
 
     caption = ('Points: measured, hollow where few averages stand behind one. Line: reported. '
-               'Of the axis chosen: 95 % of the points should fall into the shade, unless the mean '
-               'moves. Ring: where a coefficient is read. Dots: the most that a hidden term may '
-               'add.')
+               'Of the axis chosen: 95 % of the points should fall into the shade, unless the '
+               'mean moves. Ring: where a coefficient is read. Dots: the most that a hidden term '
+               'may add.')
     if curves.beyond(known.values(), limits):
         caption += ' Arrow: a point beyond the axes.'
     return sensor_chart(sensor, 'allan', 'Allan deviation',

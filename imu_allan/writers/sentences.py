@@ -325,6 +325,23 @@ WORDS: Mapping[str, Words] = {
         live='no coefficient is given; choose a larger range or another position, then call '
              '~/reset',
         brief='the output is cut off'),
+    'deadband': Words(
+        'deadband', 'The driver gives small values as zero: the noise is higher than it seems.',
+        'Many samples are exactly zero, none close to zero.',
+        says=lambda f: f'{_percent(f.share)} of the samples are exactly 0, and none lies '
+                       f'between 0 and {f.width:.3g} {f.unit}: the driver gives small values as '
+                       '0',
+        do='no coefficient is given; switch the deadband off',
+        live='no coefficient is given; switch the deadband off, then call ~/reset',
+        brief='small values are given as 0'),
+    'copied_axis': Words(
+        'copied axis', 'The driver gives one axis twice, and another not at all.',
+        'All samples of two axes are equal.',
+        says=lambda f: 'they are the same to the last digit of every sample'
+                       f'{", but for the sign" if f.opposite else ""}: the driver gives one '
+                       'axis twice',
+        do='correct the assignment of axes in the driver',
+        brief='one axis is given twice'),
     'high_passed': Words(
         'slow part removed', 'A filter has removed the bias, and slow noise with it.',
         'The spectrum falls towards low frequencies.',

@@ -136,21 +136,39 @@ def cut_off(rows):
                           'value': pytest.approx(rows[:, 5].max()), 'end': 'highest'}
 
 
-def test_an_axis_at_fault_is_reported_in_a_result_that_fails_its_limit():
+def dead_about_zero(rows):
+    rows[:, 0] -= rows[:, 0].mean()
+    rows[np.abs(rows[:, 0]) < 2 * rows[:, 0].std(), 0] = 0.0
+    zero = rows[:, 0] == 0
+    return ('gyro_x',), {'share': pytest.approx(zero.mean(), abs=1e-2), 'unit': 'rad/s',
+                         'width': pytest.approx(abs(rows[~zero, 0]).min(), rel=0.1)}
+
+
+def copied(rows):
+    rows[:, 1] = -rows[:, 0]
+    return ('gyro_x', 'gyro_y'), {'opposite': True}
+
+
+@pytest.mark.parametrize(('code', 'spoil', 'reason'), [
+    ('saturated', cut_off, 'the axis is saturated: 50.0 % of the samples stand at <number> m/s^2, '
+     'noise is higher than it seems'),
+    ('deadband', dead_about_zero, 'the axis has a deadband: 9<number> % of the samples are '
+     'exactly 0, noise is higher than it seems'),
+    ('copied_axis', copied, 'the axis is a copy: every sample is that of -gyro_x')])
+def test_an_axis_at_fault_is_reported_in_a_result_that_fails_its_limit(code, spoil, reason):
     rows = still_imu(20_000)
-    names, values = cut_off(rows)
+    names, values = spoil(rows)
     result = characterized(rows)
-    [found] = said(result, 'saturated')
+    [found] = said(result, code)
     assert (found.axes, found.values) == (names, values)
     assert tuple(name for name, axis in result.axes.items() if axis.fault) == names
-    assert not any(c.observable for c in result.axes[names[0]].coefficients.values())
+    if code != 'copied_axis':
+        assert not any(c.observable for c in result.axes[names[0]].coefficients.values())
     assert Result.from_dict(json.loads(result.to_json())) == result
     verdicts = {verdict.axis: verdict for verdict in check(result, parse_model(
         'gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\naccel: {noise_density: 0.1 m/s^2/sqrt(Hz)}'))}
     assert tuple(axis for axis, one in verdicts.items() if one.verdict == 'fail') == names
-    assert verdicts['accel_z'].reason == Varying(
-        'accel_z N: the axis is saturated: 50.0 % of the samples stand at <number> m/s^2, noise '
-        'is higher than it seems')
+    assert verdicts[names[-1]].reason == Varying(f'{names[-1]} N: {reason}')
 
 
 @pytest.mark.parametrize('part', ['timeline/presence', 'memory/epoch_ns'])

@@ -94,18 +94,17 @@ def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(
 
 def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_the_result(result):
     found = [finding('gaps_not_listed', listed=1000, gaps=2000, gaps_s=200.0),
-             *(finding('saturated', (f'gyro_{letter}',), share=0.5, value=4.0, unit='rad/s',
-                       end='highest')
+             *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
                for letter in 'xy'), finding('frozen', messages=20, since_s=3.0)]
     result = with_words(replace(
         with_axes(result, tones=(Tone(50.0, 1e-3),)), warnings=tuple(found),
         turn_on_bias={'gyro_y': TurnOnBias(0.2, (0.1, 4.5))}))
     x, y = result_messages(result, 'imu_allan', STAMP)['coefficients'].status
-    words = ('50.0 % of the samples stand at 4 rad/s, the highest value: the output is cut off '
-             'there. -> no coefficient is given; choose a larger range or another position, then '
-             'call ~/reset')
+    words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
+             'driver gives small values as 0. -> no coefficient is given; switch the deadband '
+             'off, then call ~/reset')
     assert entries(x)['tones/0/frequency_hz'] == '50.0'
-    assert entries(x)['remarks/saturated'] == entries(y)['remarks/saturated'] == words
+    assert entries(x)['remarks/deadband'] == entries(y)['remarks/deadband'] == words
     assert [{key: value for key, value in entries(status).items() if 'turn_on' in key}
             for status in (x, y)] == [{}, {
                 'turn_on_bias/value': '0.2', 'turn_on_bias/ci95_low': '0.1',
@@ -119,7 +118,7 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     assert [*result.warnings[:len(acted)]] == acted
     assert status.level == WARN
     assert status.message == '; '.join(
-        message_of(one, live=True) for one in acted if one.code == 'saturated')
+        message_of(one, live=True) for one in acted if one.code == 'deadband')
     # What is good to know alone is no warning.
     mild = replace(result, warnings=result.warnings[len(acted):])
     assert shown('estimation', facts(), summary(), mild).level == OK

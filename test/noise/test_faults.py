@@ -1,14 +1,53 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Axes that are cut off, and noise that is not."""
+"""Axes that give small values as zero, are cut off or are copies, and noise that is not."""
 
 from characterized import joint_fits, one_axis, shown
-from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.faults import clipping
+from imu_allan.noise.axis_fit import copies, fit_axes
+from imu_allan.noise.faults import clipping, deadband
+from imu_allan.noise.record.census import OPPOSITE, SAME
 import numpy as np
 import pytest
 
 WHITE = np.random.default_rng(7).normal(size=30_000)
+
+
+def without_small(samples, width):
+    return np.where(np.abs(samples) < width, 0.0, samples)
+
+
+@pytest.mark.parametrize('width', [0.25, 1.0, 2.5])
+@pytest.mark.parametrize('step', [1e-4, 0.1])
+@pytest.mark.parametrize('mean', [0.0, 0.4])
+def test_a_deadband_is_reported(width, step, mean):
+    for unit in (1e-5, 1.0):
+        stepped = step * np.round((WHITE + mean) / step)
+        found = deadband(shown(unit * without_small(stepped, width)), 0)
+        assert found.width == pytest.approx(unit * width, rel=0.1, abs=unit * step)
+        assert found.share == np.mean(np.abs(stepped) < width)
+        assert deadband(shown(unit * stepped), 0) is None
+
+
+def rounded_noise():
+    rng = np.random.default_rng(3)
+    for rounded in (np.round, np.trunc, np.floor):
+        for sigma in np.geomspace(0.1, 30, 40):
+            rows = sigma * rng.normal(size=(4000, 20)) + rng.uniform(-2, 2, 20)
+            rows[2000:2040] *= rng.choice([1, 30], 20)
+            for unit in (1.0, np.deg2rad(0.061)):
+                yield (rounded(rows) * unit).astype(np.float32)
+
+
+def whole_values_about_a_mean_off_zero():
+    rng = np.random.default_rng(8)
+    for sigma, mean in ((3, 6.5), (4, 8), (6, 11), (8, 14), (12, 18)):
+        for offset in (-0.4, 0.0, 0.3):
+            samples = 0.00106 * np.rint(mean + offset + sigma * WHITE[:9000])
+            for share in (0.0, 0.02, 0.05, 0.1):
+                # Missing samples are filled in as the timeline does: by the mean of others.
+                missing = rng.random(samples.shape) < share
+                around = np.convolve(samples, np.full(16, 1 / 16), 'same')
+                yield np.where(missing, around, samples), np.flatnonzero(missing)
 
 
 def noise_of_many_lengths(*lengths):
@@ -35,16 +74,30 @@ def vibrations():
                        + choice.normal(0.0, sigma, 6000))
 
 
+FIRST, SECOND = WHITE.reshape(2, -1)
 NO_FAULT = {
-    'steps of records of any length': lambda: noise_of_many_lengths(100, 320, 10_000),
-    'vibrations': vibrations}
+    'noise in steps': (deadband, rounded_noise),
+    'zeros in place of readings': (deadband, lambda: [np.transpose([np.where(
+        np.random.default_rng(5).random(len(WHITE)) < 0.05, 0.0, WHITE + mean)
+        for mean in (0.0, 2.0, 300.0)])]),
+    'whole values about a mean off zero': (deadband, whole_values_about_a_mean_off_zero),
+    'whole values printed with two decimals': (deadband, lambda: [np.transpose([
+        unit * np.round(np.rint(mean + sigma * WHITE) / 65.5, 2) for unit in (1.0, np.pi / 180)
+        for sigma in (0.5, 1, 2, 3.3, 8, 20) for mean in (0.4, 1, 3, 5)])]),
+    'a rotated coarse output': (deadband, lambda: [np.transpose([
+        np.cos(angle) * np.rint(sigma * FIRST) - np.sin(angle) * np.rint(sigma * SECOND)
+        for angle in np.deg2rad([5, 10, 20, 30, 40, 45]) for sigma in (0.5, 0.8, 1.5, 3)])]),
+    'steps of records of any length': (clipping, lambda: noise_of_many_lengths(100, 320, 10_000)),
+    'vibrations': (clipping, vibrations)}
 
 
-@pytest.mark.parametrize('name', NO_FAULT)
+@pytest.mark.parametrize('name', [
+    pytest.param('noise in steps', marks=pytest.mark.thorough), *[*NO_FAULT][1:]])
 def test_what_is_no_fault_is_not_reported_as_one(name):
-    for record in NO_FAULT[name]():
-        finished = shown(record)
-        assert [axis for axis in range(finished.axes) if clipping(finished, axis)] == []
+    fault, records = NO_FAULT[name]
+    for record in records():
+        finished = shown(*record) if isinstance(record, tuple) else shown(record)
+        assert [axis for axis in range(finished.axes) if fault(finished, axis)] == []
 
 
 @pytest.mark.parametrize('level', [0.0, 2.2])
@@ -67,9 +120,27 @@ def test_noise_clipped_at_two_and_a_half_sigma_is_reported():
 
 
 def test_an_axis_at_fault_has_no_fit_and_is_left_out_of_a_joint_one():
-    two = np.stack((WHITE, np.minimum(WHITE, 1.0)), axis=1)
-    assert [fit is None for fit in fit_axes(shown(two), 0.01)] == [False, True]
+    three = np.stack((WHITE, without_small(WHITE, 1.0), np.minimum(WHITE, 1.0)), axis=1)
+    assert [fit is None for fit in fit_axes(shown(three), 0.01)] == [False, True, True]
     good, bad = shown(WHITE[:9000]), shown(np.minimum(WHITE[9000:18_000], 1.0))
     alone, beside = (one_axis(good, 100, joint_fits(records, 0.01))[0]
                      for records in ([good], [good, bad]))
     assert alone.coefficients == beside.coefficients
+
+
+def test_axes_that_repeat_another_are_found_whatever_the_sign():
+    four = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
+    rows = four.copy()
+    rows[:, 2], rows[:, 3] = rows[:, 0], -rows[:, 1]
+    assert copies(shown(rows)) == [(0, 2, SAME), (1, 3, OPPOSITE)]
+    for other in (four, np.round(four), np.round(four, 1)):
+        assert copies(shown(other)) == []
+    # In several records and some of the axes, too.
+    merged = shown(rows[:9001])
+    merged.merge(shown(rows[9001:]))
+    assert copies(merged) == [(0, 2, SAME), (1, 3, OPPOSITE)]
+    assert merged.select([2, 3]).census.copies() == []
+    assert merged.select([3, 1]).census.copies() == [(1, 0, OPPOSITE)]
+    assert merged.select([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
+    merged.merge(shown(four))
+    assert copies(merged) == []

@@ -211,7 +211,8 @@ def test_a_coarse_output_is_neither_frozen_nor_at_the_end_of_its_range(step, los
     messages.samples[:, axes:] = np.nan
     kept = lose(messages, lost, rng)
     result = characterized(kept)
-    assert codes(result).isdisjoint({'frozen', 'held_values', 'saturated', 'stood_still'})
+    assert codes(result).isdisjoint(
+        {'frozen', 'held_values', 'saturated', 'deadband', 'stood_still'})
     assert result.timeline.samples == len(kept.place)
 
 

@@ -3,18 +3,32 @@
 """
 Statistics of sample values in constant memory, to detect axes that do not measure.
 
-They count the samples at the lowest and at the highest value, and keep the smallest step of the
-output.
+They count the samples at the lowest and at the highest value, and those that are zero. If there
+are many zeros, the magnitudes of the others are counted in logarithmic bins. The smallest step of
+the output and pairs of axes with equal samples are kept as well.
 """
 
 from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, AXES_TWICE, MultiAxis
 import numpy as np
+from numpy.typing import NDArray
 
+Counts = Ints
+
+SAME, OPPOSITE = 1, -1     # sign of one axis relative to the other
+_KINDS = {SAME: 1, OPPOSITE: 2}
+"""Bits of both kinds in the flags of a pair."""
 _ROUNDING = 1e-12
 """Tolerance for equal values, also about different references: relative, or absolute below 1."""
+BINS_PER_OCTAVE = 8
+"""Bins are 9 % wide, so that 2, 3 and 4 steps of the output fall into different bins."""
+_LOWEST_OCTAVE = -40
+"""The smallest magnitude counted is 1e-12, in any unit of a sample."""
+FEWEST = 20
+"""A gap around zero ends where more samples than this have been counted: chance or stray readings
+do not account for so many."""
 
 
 @dataclass(eq=False)
@@ -26,10 +40,17 @@ class Census(MultiAxis):
     lowest: Array = field(init=False, metadata=AXES_FIRST)
     highest: Array = field(init=False, metadata=AXES_FIRST)
     # (2, axes): number of samples at the lowest and at the highest value
-    at_ends: Ints = field(init=False, metadata=AXES_SECOND)
+    at_ends: Counts = field(init=False, metadata=AXES_SECOND)
     # (axes,): smallest change between consecutive samples, except for a few outliers; infinite
     # if nothing changes
     step: Array = field(init=False, metadata=AXES_FIRST)
+    # (axes,): number of samples that are zero
+    zeros: Counts = field(init=False, metadata=AXES_FIRST)
+    # (axes, bins): number of samples by magnitude, see `lower_edge`, up to an octave beyond
+    # the end of the gap around zero
+    sizes: Counts = field(init=False, metadata=AXES_FIRST)
+    # (axes, axes): flags of pairs whose samples have all been equal so far
+    equal_pairs: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
 
     def begin(self) -> None:
         """Initialize empty counts."""
@@ -37,10 +58,27 @@ class Census(MultiAxis):
         self.lowest, self.highest = np.full(axes, np.inf), np.full(axes, -np.inf)
         self.at_ends = np.zeros((2, axes), np.int64)
         self.step = np.full(axes, np.inf)
+        # Up to a magnitude of 1e7.
+        bins = 64 * BINS_PER_OCTAVE
+        self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, bins), np.int64)
+        self.equal_pairs = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
 
-    def count(self, rows: Array) -> None:
-        """Count the next samples: `rows`, shape (axes, n), at least one, minus the reference."""
+    def count(self, rows: Array, reference: Array) -> None:
+        """
+        Count the next samples.
+
+        `rows`, shape (axes, n): samples minus `reference`, at least one. `reference`, shape
+        (axes,): the values that were subtracted.
+        """
         self._count_ends(rows)
+        self._count_near_zero(rows, -reference)
+        # Except for broken sensors, no pair is left after a few samples.
+        for one, other in np.argwhere(self.equal_pairs):
+            for sign, bit in _KINDS.items():
+                if self.equal_pairs[one, other] & bit and not (
+                        reference[one] == sign * reference[other]
+                        and np.array_equal(rows[one], sign * rows[other])):
+                    self.equal_pairs[one, other] &= ~bit
         # That many samples show the step of a coarse output; more would take a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
@@ -57,6 +95,39 @@ class Census(MultiAxis):
                 count[axis] = here + (0 if beyond[axis] else count[axis])
             kept[reached] = found[reached]
 
+    def _count_near_zero(self, rows: Array, zero: Array) -> None:
+        """
+        Count the samples that are zero, and if there are many, the magnitudes of the others.
+
+        The gap around zero can only become narrower, so values far beyond it are not counted.
+        Nothing is counted once the gap turns out to be a step of the output, as in most cases.
+        """
+        for row, nothing, sizes, axis in zip(rows, zero, self.sizes, range(self.axes),
+                                             strict=True):
+            here = np.count_nonzero(row == nothing)
+            self.zeros[axis] += here
+            # Count magnitudes only if there are many zeros, because it is slow.
+            if here < 0.01 * len(row):
+                continue
+            ends = end_of_hole(sizes)
+            # Many samples at one magnitude and none in the octave beyond: the output has steps,
+            # and no gap.
+            if ends is not None and sizes[ends:ends + 2].sum() > 10_000 and not sizes[
+                    ends + 2:ends + BINS_PER_OCTAVE - 1].any():
+                continue
+            # Count an octave from the end of the gap on, and a margin for rounding.
+            farthest = np.inf if ends is None else lower_edge(ends + BINS_PER_OCTAVE + 2)
+            magnitude = np.abs(row - nothing)
+            some = magnitude[(magnitude > 0) & (magnitude < farthest)]
+            places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
+            sizes += np.bincount(np.clip(places, 0, len(sizes) - 1).astype(np.intp),
+                                 minlength=len(sizes))
+
+    def copies(self) -> list[tuple[int, int, int]]:
+        """Return the pairs of axes with equal samples, as two indices and their relative sign."""
+        return [(int(one), int(other), sign) for one, other in np.argwhere(self.equal_pairs)
+                for sign, bit in _KINDS.items() if self.equal_pairs[one, other] & bit]
+
     def merge(self, other: 'Census', shift: Array) -> None:
         """Add the samples of another record, shifted by `shift` to the reference of this one."""
         for end, mine, theirs, sign in ((0, self.lowest, other.lowest + shift, -1.0),
@@ -67,6 +138,9 @@ class Census(MultiAxis):
                 ahead > 0, other.at_ends[end], self.at_ends[end]))
             mine[:] = np.where(ahead > 0, theirs, mine)
         self.step = np.minimum(self.step, other.step)
+        self.zeros += other.zeros
+        self.sizes += other.sizes
+        self.equal_pairs &= other.equal_pairs
         self.samples += other.samples
 
 
@@ -82,3 +156,14 @@ def _step_of(rows: Array) -> Array:
             place = int(0.05 * count)
             steps[axis] = np.partition(changes[axis, there[axis]], place)[place]
     return steps
+
+
+def end_of_hole(sizes: Counts) -> int | None:
+    """Return the first bin up to which more than `FEWEST` samples were counted, or None."""
+    beyond = np.cumsum(sizes) > FEWEST
+    return int(np.argmax(beyond)) if beyond[-1] else None
+
+
+def lower_edge(place: int) -> float:
+    """Return the smallest magnitude in a bin."""
+    return float(2.0**(_LOWEST_OCTAVE + place / BINS_PER_OCTAVE))

@@ -121,7 +121,7 @@ class Estimator(MultiAxis):
             Evenly spaced, finite samples.
         interpolated : sequence of int, optional
             Interpolated rows, in rising order. They are no values of the sensor, so they are
-            excluded from the statistics of its range and steps.
+            excluded from the statistics of its range, steps and zeros.
 
         Raises
         ------
@@ -266,9 +266,10 @@ class Estimator(MultiAxis):
         """Process the samples in the chunk."""
         if not self.held:
             return
+        assert self.reference is not None
         rows, own = self.chunk[:, :self.held], self._without_interpolated()
         if own.shape[1]:
-            self.census.count(own)
+            self.census.count(own, self.reference)
         self.interpolation_sums.add(self.interpolated_rows, self.held)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, self.run, self.first)

@@ -10,8 +10,8 @@ from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
 
-AXES_FIRST, AXES_SECOND = {'axes': 0}, {'axes': 1}
-"""Field metadata: which dimension of an array is that of the axes."""
+AXES_FIRST, AXES_SECOND, AXES_TWICE = ({'axes': at} for at in ((0,), (1,), (0, 1)))
+"""Field metadata: which dimensions of an array are those of the axes."""
 
 
 @dataclass(eq=False)
@@ -33,7 +33,7 @@ class MultiAxis(Record):
 
     def keep(self, axes: list[int]) -> None:
         """Keep only the given axes, in this order."""
-        vars(self).update(vars(_kept(self, axes, None)))
+        vars(self).update(vars(_kept(self, axes, ())))
 
 
 def in_pairs(values: NDArray[Any], axis: int, merge: np.ufunc = np.add, room: float = 0
@@ -45,19 +45,21 @@ def in_pairs(values: NDArray[Any], axis: int, merge: np.ufunc = np.add, room: fl
     return np.concatenate((pairs, np.full_like(pairs, room)), axis=axis)
 
 
-def _kept(part: Any, axes: list[int], dimension: int | None) -> Any:
+def _kept(part: Any, axes: list[int], dimensions: tuple[int, ...]) -> Any:
     """Return a part of a record with the given axes only."""
     if isinstance(part, np.ndarray):
-        return part if dimension is None else part.take(axes, dimension)
+        for dimension in dimensions:
+            part = part.take(axes, dimension)
+        return part
     if isinstance(part, list):
-        return [_kept(one, axes, dimension) for one in part]
+        return [_kept(one, axes, dimensions) for one in part]
     if isinstance(part, dict):
-        return {key: _kept(one, axes, dimension) for key, one in part.items()}
+        return {key: _kept(one, axes, dimensions) for key, one in part.items()}
     if not is_dataclass(part):
         return part
     twin = copy(part)
     for one in fields(part):
-        vars(twin)[one.name] = _kept(getattr(part, one.name), axes, one.metadata.get('axes'))
+        vars(twin)[one.name] = _kept(getattr(part, one.name), axes, one.metadata.get('axes', ()))
     if isinstance(twin, MultiAxis):
         twin.axes = len(axes)
     return twin

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.errors import brief
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
@@ -57,6 +58,12 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.saturated is not None:
         return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
                 f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
+    if axis.deadband is not None:
+        return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
+                'exactly 0, noise is higher than it seems')
+    if axis.copy_of is not None:
+        return ('the axis is a copy: every sample is that of '
+                f'{brief(axis.copy_of)}')
     # Fewer than 1 in 200 samples then differs, so a thousand in a row may be equal.
     if (ratio := _steps_of_noise(axis)) > 15.0:
         return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
@@ -199,6 +206,8 @@ def _undecided_mean(axis: AxisResult) -> str | None:
         return _FILTERED
     if axis.saturated is not None:
         return 'the axis is saturated, and its mean with it; choose a larger range'
+    if axis.deadband is not None:
+        return 'the axis has a deadband, and its mean is not known; switch the deadband off'
     return ('the noise density does not show, and with it what the mean is worth; record for '
             'longer')
 

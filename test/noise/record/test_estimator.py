@@ -162,6 +162,7 @@ def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
         assert (one.samples, one.measured) == (len(samples), len(own))
         assert np.array_equal(one.reference + one.census.lowest, own.min(axis=0))
         assert np.array_equal(one.reference + one.census.highest, own.max(axis=0))
+        assert np.array_equal(one.census.zeros, np.count_nonzero(own == 0, axis=0))
         assert one.census.step.tolist() == [1.0, 1.0]
     same_state(whole, bits)
     nothing = shown(np.ones(5), range(5))
