@@ -9,6 +9,7 @@ Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI u
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -62,6 +63,16 @@ class ImuBlock:
         absent = self.absent.copy()
         absent[:, 1 if half == 'gyro' else 0] = True
         return replace(self, absent=absent)
+
+
+def joined(blocks: Sequence[ImuBlock]) -> ImuBlock:
+    """Join messages of one frame_id into one block, each axis contiguous, which numpy prefers."""
+    samples = np.empty((6, sum(map(len, blocks)))).T
+    return ImuBlock(
+        np.concatenate([block.header_ns for block in blocks]),
+        np.concatenate([block.receive_ns for block in blocks]),
+        np.concatenate([block.samples for block in blocks], out=samples),
+        np.concatenate([block.absent for block in blocks]), blocks[0].frame_id)
 
 
 @dataclass(frozen=True)

@@ -123,10 +123,11 @@ class Recording(ABC):
         """Add a topic to `topics` and return True if it holds an IMU, else to `other_topics`."""
         found: dict[str, ImuMessages] = {}
         if definition is not None and is_parsed(topic, type_name, definition, self.options):
-            self._searched_characters += len(definition.text)
+            # One takes as long as two thousand characters do at least.
+            self._searched_characters += len(definition.text) + 2048
             # Limit the time for parsing to seconds. A robot has a dozen such definitions, and the
             # limit is 50 times the largest one of ROS.
-            if self._searched >= 1000 or self._searched_characters > 1 << 21:
+            if self._searched_characters > 1 << 21:
                 self.reasons[topic] = f'not looked into, after {self._searched} others'
                 self.other_topics[topic] = type_name
                 return False

@@ -10,7 +10,6 @@ whose recorder was killed, is read as well.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import chain, islice
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -39,8 +38,7 @@ class BagDirectory(Recording):
                 raise ImuAllanError(
                     f'{printable(path)}: ' + (
                         'holds no recording: no metadata.yaml and no .mcap or .db3 file'
-                        f'{_instead(path)}' if any(path.iterdir()) else
-                        'an empty folder; name a recording'))
+                        if any(path.iterdir()) else 'an empty folder; name a recording'))
             self._list_from_files()
         else:
             self._files = self._existing(listed)
@@ -209,20 +207,6 @@ def _item(mapping: object, key: str, kind: type) -> Any:
     if not isinstance(value, kind):
         raise ValueError(f'no {key}')
     return value
-
-
-def _instead(folder: Path) -> str:
-    """Name the likeliest recording below a folder that is none itself."""
-    # Not of a whole disk.
-    below = list(islice(chain.from_iterable(map(folder.glob, ('*', '*/*', '*/*/*'))), 100_000))
-    found = [file for file in below
-             if file.name.endswith((*BAG_SUFFIXES, '.bag', '.ulg', '.bin', '.csv'))]
-    if found:
-        likely = min(found, key=lambda at: ('imu' not in f'{at.relative_to(folder)}'.lower(), at))
-        return f'; name {printable(likely)}'
-    # As KITTI has them.
-    return ('; of text files with one sample each make one CSV'
-            if sum(file.suffix == '.txt' for file in below) > 100 else '')
 
 
 def recorded_files(path: Path) -> list[Path]:

@@ -146,7 +146,7 @@ def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
     """Find ``.msg`` files in the given paths, by type; raise ImuAllanError if there are none."""
     found: dict[str, Path] = {}
     for path in map(Path, paths):
-        files = [path] if path.is_file() else list(_message_files(path))
+        files = [path] if path.is_file() else sorted(path.rglob('*.msg'))
         if not path.exists():
             raise ImuAllanError(f'--definitions {printable(path)}: no such file or directory')
         if not files:
@@ -190,14 +190,6 @@ def _sourced(type_name: str) -> Path | None:
         if prefix and file.is_file():
             return file
     return None
-
-
-def _message_files(folder: Path) -> Iterable[Path]:
-    for seen, (parent, _, names) in enumerate(os.walk(folder)):
-        # Even a large workspace has ten times fewer folders.
-        if seen > 100_000:
-            return
-        yield from (Path(parent, name) for name in sorted(names) if name.endswith('.msg'))
 
 
 def _type_of(file: Path) -> str:

@@ -12,8 +12,7 @@ from queue import SimpleQueue
 from threading import Event, Semaphore, Thread
 from typing import TypeVar
 
-from imu_allan.block import ImuBlock
-import numpy as np
+from imu_allan.block import ImuBlock, joined
 
 Item = TypeVar('Item')
 
@@ -90,11 +89,4 @@ def larger_blocks(
 
 
 def _joined(blocks: list[ImuBlock]) -> ImuBlock:
-    if len(blocks) == 1:
-        return blocks[0]
-    return ImuBlock(
-        np.concatenate([block.header_ns for block in blocks]),
-        np.concatenate([block.receive_ns for block in blocks]),
-        np.concatenate([block.samples for block in blocks]),
-        np.concatenate([block.absent for block in blocks]),
-        blocks[0].frame_id)
+    return joined(blocks) if len(blocks) > 1 else blocks[0]
