@@ -8,6 +8,9 @@ from imu_allan.arrays import Array
 from imu_allan.state import Record
 import numpy as np
 
+_LEAST = np.array([0.004] * 3 + [0.04] * 3)
+"""In rad/s and m/s^2: no bias moves this far and back within two minutes. Chosen by judgment."""
+
 
 @dataclass
 class Excursions(Record):
@@ -23,7 +26,7 @@ class Excursions(Record):
 
     def take(self, means: Array, start_s: float, window_s: float) -> None:
         """Add the means of windows at rest, shape (n, 6), of which the first is at `start_s`."""
-        first = 0
+        first, new = 0, []
         in_block = 8   # windows of half a second: a slow turn lasts longer
         while first < len(means):
             last = min(first + in_block - self.windows, len(means))
@@ -32,26 +35,27 @@ class Excursions(Record):
             first = last
             if self.windows == in_block:
                 begins = start_s + (last - in_block) * window_s
-                self.blocks.append([begins, *(total / in_block for total in self.sums)])
+                new.append([begins, *(total / in_block for total in self.sums)])
                 self.sums, self.windows = [0.0] * 6, 0
-                # A mean that takes more than 32 blocks, two minutes, to come back is drift.
-                del self.blocks[:-32]
+        # Where all are near each other, none of the new ones is back from an excursion.
+        suspect = new and not _near(np.array(self.blocks + new)[:, 1:])
+        for block in new:
+            # A mean that takes more than 32 blocks, two minutes, to come back is drift.
+            self.blocks = [*self.blocks[-31:], block]
+            if suspect:
                 self._look(in_block * window_s)
 
     def _look(self, block_s: float) -> None:
         """Record an excursion if the newest block is back from one."""
         table = np.array(self.blocks)
         level = table[:, 1:]
-        # In rad/s and m/s^2: no bias moves this far and back within two minutes. Chosen by
-        # judgment.
-        least = [0.004] * 3 + [0.04] * 3
         # Less than half a minute does not show the usual change.
-        if len(level) < 8 or (np.ptp(level, axis=0) <= least).all():
+        if len(level) < 8 or _near(level):
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
         # A random walk does not jump by 14 times its usual change.
-        far = np.abs(size) > np.maximum(least, 14.0 * usual)
+        far = np.abs(size) > np.maximum(_LEAST, 14.0 * usual)
         for axis in np.flatnonzero(far.any(axis=0)).tolist():
             away = np.flatnonzero(far[:, axis])
             peak = float(size[away[np.argmax(np.abs(size[away, axis]))], axis])
@@ -70,3 +74,8 @@ class Excursions(Record):
                 self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
             self.blocks = self.blocks[-1:]
             return
+
+
+def _near(level: Array) -> bool:
+    """Return whether means of blocks, shape (n, 6), are too near each other for an excursion."""
+    return bool((level.max(axis=0) - level.min(axis=0) <= _LEAST).all())

@@ -70,9 +70,8 @@ class Intake(Record):
 
     def usable(self, window: Window) -> Messages:
         """Drop duplicate and frozen messages, and mark those with unusable values."""
-        farthest_ns = 2**61   # differences of clipped stamps do not overflow
-        window = replace(window, header_ns=np.clip(window.header_ns, -farthest_ns, farthest_ns),
-                         receive_ns=np.clip(window.receive_ns, -farthest_ns, farthest_ns))
+        window = replace(window, header_ns=_clipped(window.header_ns),
+                         receive_ns=_clipped(window.receive_ns))
         decision, c = self.decision, window.consumed
         # The usual case, in which several searches are not needed.
         all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
@@ -89,27 +88,28 @@ class Intake(Record):
         stamps, other = self.stamps(window)
         away, unusable = self._unusable(window, all_usable)
         twice = self._twice(window, stamps) | repeats.held
-        if self.content.frozen_s is None and repeats.frozen[:c].any():
-            first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
-            begins = int(stamps[np.argmax(repeats.frozen)])
-            self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
         counts.messages += c
         counts.header.last_ns = int(window.header_ns[c - 1])
         counts.receive.last_ns = int(window.receive_ns[c - 1])
-        # Unusable values are not counted as spikes.
-        counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
         void = repeats.spikes | unusable
-        twice &= ~(void | repeats.frozen)
-        again = int(np.count_nonzero(twice[:c]))
-        counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
-        counts.duplicates += again
+        left_out = repeats.frozen | twice
+        if void.any() or left_out.any():
+            if self.content.frozen_s is None and repeats.frozen[:c].any():
+                first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
+                begins = int(stamps[np.argmax(repeats.frozen)])
+                self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
+            # Unusable values are not counted as spikes.
+            counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
+            twice &= ~(void | repeats.frozen)
+            left_out = repeats.frozen | twice
+            counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
+            counts.duplicates += int(np.count_nonzero(twice[:c]))
         samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
         if repeats.started:
             counts.forget()
             self._memory.motion = None
             decision.restart = self._memory.cursor.fresh_run = True
         messages = Messages(stamps, other, samples, c, void)
-        left_out = repeats.frozen | twice
         return (messages.pick(~left_out, c - int(np.count_nonzero(left_out[:c])))
                 if left_out.any() else messages)
 
@@ -302,6 +302,13 @@ class Intake(Record):
         counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
         return gone, spoilt
+
+
+def _clipped(stamps: Stamps) -> Stamps:
+    """Return stamps whose differences do not overflow."""
+    farthest_ns = 2**61
+    within = -farthest_ns <= stamps.min() and stamps.max() <= farthest_ns
+    return stamps if within else np.clip(stamps, -farthest_ns, farthest_ns)
 
 
 def _pace_of(stamps: Stamps, other: Stamps | None, bursts: bool, each: bool = False,

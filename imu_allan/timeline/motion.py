@@ -7,6 +7,7 @@ Rows are collected in segments and measured in windows. When the neighbours of a
 it is judged against the level of rest, and then kept, or cut out with a margin.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import log
@@ -208,13 +209,13 @@ class MotionDetector(Record):
 
     def _follow(self, segment: Segment, first: int, moving: Bools) -> None:
         """Look for slow turns within each rest: after motion, another mean is another attitude."""
-        for windows in np.split(np.arange(len(moving)), np.flatnonzero(np.diff(moving)) + 1):
-            if moving[windows[0]]:
+        for begin, end in _runs(moving):
+            if moving[begin]:
                 self.forget_means()
             else:
-                begin, end = first + windows[0], first + windows[-1] + 1
                 self._excursions.take(
-                    segment.means[begin:end], self._windows.time(segment, segment.base + begin),
+                    segment.means[first + begin:first + end],
+                    self._windows.time(segment, segment.base + first + begin),
                     self._windows.size * self.interval_s)
 
     def _begin_at_rest(self, segment: Segment, level: RestLevel, first: int, last: int) -> None:
@@ -242,12 +243,11 @@ class MotionDetector(Record):
         context = segment.given - segment.base
         near = np.convolve(segment.moving, np.ones(2 * margin + 1), 'full')[margin:]
         cut = near[context:context + count] > 0.5
-        edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
         rows = segment.joined()
         length = min(count * size, segment.held)
         first = segment.first_index + segment.given * size
         blocks = []
-        for left, right in pairwise(edges):
+        for left, right in _runs(cut):
             begin, end = left * size, min(right * size, length)
             start_s = self._windows.time(segment, segment.given + left)
             place = first + begin, end - begin, start_s, (end - begin) * self.interval_s
@@ -279,3 +279,8 @@ class MotionDetector(Record):
         given = np.searchsorted(segment.interpolated, first + length)
         segment.interpolated = segment.interpolated[given:]
         return blocks
+
+
+def _runs(values: Bools) -> Iterator[tuple[int, int]]:
+    """Yield the spans of equal values."""
+    return pairwise([0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)])

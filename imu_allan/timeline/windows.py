@@ -146,7 +146,8 @@ def describe(rows: Array, part: int) -> tuple[Array, Array]:
         within = slow = _square_sums(steps) * (0.5 / max(size - 1, 1))
     else:
         split = axes[:, :, :parts * part].reshape(6, windows, parts, part)
-        coarse = np.matmul(split, np.ones(part)) / part
+        coarse = np.matmul(split.reshape(6, -1, part), np.ones(part)).reshape(split.shape[:3])
+        coarse /= part
         own = (split - coarse[..., None]).reshape(6, windows, parts * part)
         within = _square_sums(own) / (parts * (part - 1))
         slow = _square_sums(coarse[:, :, 1:] - coarse[:, :, :-1]) * (0.5 / (parts - 1))
@@ -163,4 +164,5 @@ def describe(rows: Array, part: int) -> tuple[Array, Array]:
 
 def _square_sums(values: Array) -> Array:
     """Sum the squares of the values of every axis and window, shape (6, windows)."""
-    return np.asarray(np.einsum('awi,awi->aw', values, values))
+    # As in the pyramid of the record, this takes half as long as einsum.
+    return np.asarray((values[:, :, None] @ values[..., None])[..., 0, 0])

@@ -77,22 +77,24 @@ def joined(before: Cells, after: Cells) -> Cells:
     if not len(before) or not len(after):
         return after if len(after) else before
     if before.keys[-1] != after.keys[0]:
-        return Cells(np.append(before.keys, after.keys),
+        return Cells(np.concatenate((before.keys, after.keys)),
                      np.concatenate((before.sums, after.sums), axis=1),
-                     np.append(before.counts, after.counts))
+                     np.concatenate((before.counts, after.counts)))
     sums = np.concatenate((before.sums, after.sums[:, 1:]), axis=1)
     sums[:, len(before) - 1] += after.sums[:, 0]
-    counts = np.append(before.counts, after.counts[1:])
+    counts = np.concatenate((before.counts, after.counts[1:]))
     counts[len(before) - 1] += after.counts[0]
-    return Cells(np.append(before.keys, after.keys[1:]), sums, counts)
+    return Cells(np.concatenate((before.keys, after.keys[1:])), sums, counts)
 
 
 def coarser(cells: Cells, octaves: int) -> Cells:
     """Merge cells into cells 2**`octaves` times as large."""
-    if not len(cells):
+    if not len(cells) or not octaves:
         return cells
     keys = (cells.keys & ~_PLACE) + ((cells.keys & _PLACE) >> octaves)
-    starts = np.flatnonzero(np.append(True, np.diff(keys) != 0))
+    first = np.ones(len(keys), np.bool_)
+    np.not_equal(keys[1:], keys[:-1], out=first[1:])
+    starts = first.nonzero()[0]
     return Cells(keys[starts], np.add.reduceat(cells.sums, starts, axis=1),
                  np.add.reduceat(cells.counts, starts))
 

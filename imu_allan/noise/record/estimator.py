@@ -138,7 +138,7 @@ class Estimator(MultiAxis):
         # An array made of a masked one has values in place of those that are masked.
         # No sensor reaches a value whose fourth power overflows.
         if (np.iscomplexobj(samples) or np.ma.is_masked(samples)
-                or not np.abs(block).max(initial=0.0) < 1e30):
+                or not -1e30 < block.min(initial=0.0) <= block.max(initial=0.0) < 1e30):
             raise ValueError('samples must be finite, below 1e30, real, and none masked; '
                              'imu_allan.analyze reads a CSV file with gaps')
         places = [int(row) for row in interpolated]

@@ -226,8 +226,9 @@ class Periodogram(MultiAxis):
                 if self.samples < SERIES // 2:
                     break
                 self.stages.append(Stage(self.axes))
+            if number > 1:
+                cells = coarser(cells, STAGE_OCTAVES)
             self.stages[number].take(cells, 2**(STAGE_OCTAVES * number))
-            cells = coarser(cells, STAGE_OCTAVES)
 
     def _bound_series(self) -> None:
         """Enlarge the cells until there are at most `SERIES`."""
