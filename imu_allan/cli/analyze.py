@@ -146,7 +146,10 @@ def run(args: argparse.Namespace) -> int:
                 f'{task.path}, topic {shorten(topic)}')
             if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
-    gathering.finish()
+    try:
+        gathering.finish()
+    except ImuAllanError as error:
+        complaints.append(error)
     if shown and args.output is args.json is None and not args.consumers:
         print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
     raise_last(complaints)

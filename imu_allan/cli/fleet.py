@@ -58,11 +58,11 @@ class FleetResults:
 
         fleet = Fleet(self._results, {unit: unit for unit in self._results},
                       tuple(Failure(*failure) for failure in self._failures))
-        paths = [] if self._output is None else save_fleet(fleet, self._output)
         console = console_of()
         console.print()
         console.print(population_table(fleet, console.width))
         if self._output is not None:
+            paths = save_fleet(fleet, self._output)
             names = ', '.join(reversed([path.name for path in paths]))
             print_wrapped(f'Written to {printable(str(self._output))}: {names}; a folder for each '
                           'unit')

@@ -70,15 +70,17 @@ def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, 
     output.mkdir()
     # A folder that cannot be made does not keep the others from being written.
     (output / 'at_rest').write_text('in the way')
+    (output / 'fleet.html').mkdir()
     lines = fails_with(
         f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a folder that '
         'exists on a disk with room and may be written to; not written either: curve.csv, '
-        'report.html, allan_deviation.png',
+        f'report.html, allan_deviation.png\nimu_allan: {output}/fleet.html: cannot be written (is '
+        'a directory); choose a folder that exists on a disk with room and may be written to',
         'analyze', recording, *others, '--output', output).splitlines()
     assert [line.partition(', ')[0] for line in lines[:3]] == [
         'at_rest: 5 min', 'at_rest-2: 100 s', 'at_rest-3: 25 s']
     rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
-        'sample_rate_hz'] for folder in output.iterdir() if folder.is_dir()}
+        'sample_rate_hz'] for folder in output.glob('at_rest-*')}
     assert rates == {'at_rest-2': pytest.approx(50), 'at_rest-3': pytest.approx(200)}
     assert (output / 'at_rest-3' / 'report.html').exists()
 
