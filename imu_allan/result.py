@@ -248,10 +248,8 @@ class Segment:
         With its 95 % interval `ci95`; None if the segment is too short.
     ci95 : (float, float) or None
     drift_sigma : float or None
-        Standard deviation of the slow part of the signal within the segment.
-    drift_ci95 : (float, float) or None
-        95 % interval of `drift_sigma` in such segments: slow drift is hardly more than a slope in
-        each, so one segment says little about another.
+        Standard deviation of the slow part of the signal within the segment. It is hardly more
+        than a slope, so one segment says little about another.
 
     """
 
@@ -261,7 +259,6 @@ class Segment:
     noise_density: AboveZero | None
     ci95: Interval | None
     drift_sigma: NotNegative | None
-    drift_ci95: Interval | None = None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
-from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.faults import (
     axis_fault,
@@ -32,7 +31,7 @@ from imu_allan.noise.posterior.judgments import POSSIBLE
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
-from imu_allan.noise.stationarity import SegmentPowers, white_ratio
+from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.uncertainty import below_curve, CERTAIN, leaves_at
 from imu_allan.result import (
@@ -182,7 +181,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     process = fitted.gauss_markov
     drift = None if fitted.high_pass_hz is not None else fit_drift_model(
         found.groups, dt, process.correlation_time_s if process else None)
-    parts = _stationarity(found, axis, dt, finished, drift)
+    parts = _stationarity(found, axis, dt, finished)
     if parts is not None and found.steadiness is not None:
         remarks += steadiness_remarks(found.steadiness, parts.segments)
     forecast = _forecast(fitted, dt, finished.samples)
@@ -248,8 +247,8 @@ def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
                       GoodnessOfFit(None, None, False), Curve((), (), (), (), (), ()))
 
 
-def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
-                  model: DriftModel | None) -> Stationarity | None:
+def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
+                  ) -> Stationarity | None:
     """Return the segments of an axis, each with its own mean, density and drift."""
     powers, steady = found.segments, found.steadiness
     if powers is None or steady is None or finished.reference is None:
@@ -259,8 +258,10 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
     model_of = FittedModel(found.fit.values, power_law=found.fit.power_law)
     ratio = white_ratio(powers, axis, density.value**2, model_of.density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
-    # If none was seen, use a density whose fourth power does not underflow.
-    drift = _drift_levels(powers, axis, dt, max(density.value, 1e-60)**2, model)
+    # White noise in the means of n parts adds (n - 1)/n of its variance to their spread.
+    share = 1 - powers.drift_samples / powers.duration
+    white = density.value**2 / (powers.drift_samples * dt) * share
+    drift = np.sqrt(np.maximum(powers.drift[axis]**2 - white, 0.0))
     segments = []
     for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
         own, interval = None, None
@@ -271,22 +272,8 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
         segments.append(Segment(
             float(start * dt), float(count * dt),
             float(finished.reference[axis] + powers.mean[axis, number]), own, interval,
-            *drift[number]))
+            float(drift[number])))
     return Stationarity(steady.steady, steady.p_value, tuple(segments))
-
-
-def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
-                  model: DriftModel | None) -> list[tuple[float, Interval]]:
-    """Return the level of drift in every segment; most segments have parts of one length."""
-    found: dict[int, tuple[float, Interval]] = {}
-    for length in np.unique(powers.drift_samples):
-        here = np.flatnonzero(powers.drift_samples == length)
-        parts = round(float(powers.duration[here[0]] / length))
-        shape = np.zeros((parts, parts)) if model is None else drift_of_means(
-            model, float(length) * dt, parts)
-        levels = drift_levels(powers.drift[axis, here]**2, white / (float(length) * dt), shape)
-        found |= dict(zip(here.tolist(), levels, strict=True))
-    return [found[number] for number in range(len(powers.start))]
 
 
 def _coefficient(key: str, quantity: Quantity, estimate: Estimate,

@@ -8,11 +8,11 @@ from dataclasses import replace
 from imu_allan.arguments import drift_model_of
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
+from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
-from imu_allan.result import AxisResult, Coast, Interval
+from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Interval
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import polygamma
@@ -60,14 +60,40 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     model = drift_model_of(axis)
     part = duration_s / SEGMENT_PARTS
     drift = drift_of_means(model, part, SEGMENT_PARTS)
-    whole = about_mean(drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part)
-    of_drift = float(np.trace(about_mean(drift)))
+    whole = _about_mean(drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part)
+    of_drift = float(np.trace(_about_mean(drift)))
     if of_drift <= 0:
         return np.inf
     total = float(np.trace(whole))
-    dof = float(degrees_of_freedom(total, float(np.sum(whole * whole))))
+    dof = total**2 / float(np.sum(whole * whole))
     # Half the logarithm of a chi-square variable, the variance of which is a trigamma function.
     return float(polygamma(1, dof / 2)) / 4 * (total / of_drift)**2
+
+
+def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
+    """
+    Return the covariance of the means of consecutive parts, without white noise.
+
+    `part_s`: length of a part in seconds. Returns shape (parts, parts): valid after the mean of
+    all parts is removed, since a random walk has no stationary covariance.
+    """
+    lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
+    # Within a record, a process with a correlation time of 100 records is a random walk.
+    slowest = 100.0 * parts * part_s
+    slow = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
+    covariance = np.zeros(lag.shape)
+    for process in (*model.processes, slow):
+        time = process.correlation_time_s
+        covariance += process.sigma**2 * np.where(
+            lag == 0, mean_variance(time, part_s),
+            on_mean(time, part_s)**2 * np.exp(-np.maximum(lag - 1, 0) * part_s / time))
+    return covariance
+
+
+def _about_mean(covariance: Array) -> Array:
+    """Return the covariance after the mean of all parts is removed, of the same shape."""
+    centre = np.eye(len(covariance)) - 1 / len(covariance)
+    return np.asarray(centre @ covariance @ centre)
 
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:

@@ -112,13 +112,13 @@ def _cell(coefficient: Coefficient) -> dict[str, str]:
 
 
 def _of_segment(value: float | None, ci95: Interval | None, unit: str) -> tuple[str, str]:
-    """Return a value of a segment and its interval or bound as text; empty if unknown."""
-    if value is None or ci95 is None:
+    """Return a value of a segment, and its interval if it has one, as text; empty if unknown."""
+    if value is None:
         return '', ''
-    shown, low, high = (engineering(each, unit)[0] for each in (value, *ci95))
-    if low == 0:
-        return f'< {wording.number(high, 2)}', ''
-    text, *ends = wording.measured(shown, low, high)
+    shown = engineering(value, unit)[0]
+    if ci95 is None:
+        return wording.number(shown, 2), ''
+    text, *ends = wording.measured(shown, *(engineering(end, unit)[0] for end in ci95))
     return text, ' – '.join(ends)
 
 

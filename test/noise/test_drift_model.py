@@ -4,12 +4,12 @@
 
 from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
+from imu_allan.tuning.uncertainty import drift_of_means
 import numpy as np
 import pytest
 from repeated import slow
@@ -69,42 +69,13 @@ def test_the_allan_variance_adds_noise_random_walk_processes_and_lines():
         4 / tau + 3 * tau + gauss_markov_avar(0.5, 7.0, tau) + line_avar(0.4, 0.2, tau))
 
 
-PARTS, PART_S = 16, 10.0
-RECORDS = 2000
-MODELS = {
-    'white': DriftModel(1e-3, 0.0, (), 0.1, 1e4),
-    'white and random walk': DriftModel(1e-3, 1e-5, (), 0.1, 1e4),
-    'walk': DriftModel(1e-6, 1e-4, (), 0.1, 1e4),
-    'fast process': DriftModel(1e-4, 0.0, (GaussMarkov(1e-3, 20.0),), 0.1, 1e4),
-    'several': DriftModel(5e-4, 2e-6, (GaussMarkov(2e-4, 5.0), GaussMarkov(2e-4, 300.0)),
-                          0.1, 1e4)}
-
-
-def spread_of(covariance):
-    """Return the mean square about the mean of all."""
-    return (np.trace(covariance) - covariance.mean() * PARTS) / PARTS
-
-
-@pytest.mark.parametrize('kind', MODELS)
-def test_nineteen_intervals_of_twenty_hold_the_level(kind):
-    drift = drift_of_means(MODELS[kind], PART_S, PARTS)
-    white = MODELS[kind].noise_density**2 / PART_S
-    means = np.random.default_rng(1).multivariate_normal(
-        np.zeros(PARTS), drift + white * np.eye(PARTS), RECORDS)
-    levels = drift_levels(np.var(means, axis=1), white, drift)
-    truth = spread_of(drift)
-    held = np.mean([low <= truth**0.5 <= high for _, (low, high) in levels])
-    # No level lies below zero: where there is next to no drift only one side can miss it.
-    assert 0.935 < held < 0.985
-    assert all(low <= level <= high for level, (low, high) in levels)
-
-
 def test_a_random_walk_has_the_spread_that_its_increments_make():
-    rate, steps = 1e-4, 100
+    rate, steps, parts, part_s, records = 1e-4, 100, 16, 10.0, 2000
     walk = np.cumsum(np.random.default_rng(3).normal(
-        0, rate * (PART_S / steps)**0.5, (RECORDS, PARTS * steps)), axis=1)
-    means = walk.reshape(RECORDS, PARTS, steps).mean(axis=2)
-    expected = spread_of(drift_of_means(MODELS['walk'], PART_S, PARTS))
+        0, rate * (part_s / steps)**0.5, (records, parts * steps)), axis=1)
+    means = walk.reshape(records, parts, steps).mean(axis=2)
+    covariance = drift_of_means(DriftModel(1e-6, rate, (), 0.1, 1e4), part_s, parts)
+    expected = np.trace(covariance) / parts - covariance.mean()
     assert np.var(means, axis=1).mean() == pytest.approx(expected, rel=0.08)
 
 
