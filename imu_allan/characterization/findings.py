@@ -59,9 +59,9 @@ def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
 
 def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
     """Report in which band the noise changes most, by how much and when."""
-    if steady.steady or not steady.changes:
+    change = steady.change
+    if change is None:
         return []
-    change = steady.changes[0]
     band: dict[str, Any] = {
         'low_hz': change.low_hz if change.low_hz > 0 else None,
         'high_hz': None if isinf(change.high_hz) else change.high_hz}

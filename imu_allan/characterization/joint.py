@@ -158,18 +158,16 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     """Enter the faults of an axis in any recording, even if the others give its numbers."""
     if axis.constant:
         return axis
-    each, still = [part.result.axes[name] for part in parts], axis.stood_still
-    for part, own in zip(parts, each, strict=True):
+    for part in parts:
+        own = part.result.axes[name]
         span = Span(0.0, part.result.timeline.duration_s) if own.constant else own.stood_still
-        if span is not None and still is None:
-            still = replace(span, start_s=part.start_s + span.start_s)
-    return replace(axis, stood_still=still,
-                   saturated=max((own.saturated for own in each if own.saturated is not None),
-                                 key=lambda end: end.share, default=axis.saturated),
-                   deadband=max((own.deadband for own in each if own.deadband is not None),
-                                key=lambda band: band.share, default=axis.deadband),
-                   copy_of=next((own.copy_of for own in each if own.copy_of is not None),
-                                axis.copy_of))
+        if span is not None:
+            span = replace(span, start_s=part.start_s + span.start_s)
+        axis = replace(axis, stood_still=axis.stood_still or span,
+                       saturated=axis.saturated or own.saturated,
+                       deadband=axis.deadband or own.deadband,
+                       copy_of=axis.copy_of or own.copy_of)
+    return axis
 
 
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:

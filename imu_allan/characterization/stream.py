@@ -77,6 +77,11 @@ class Characterization:
     topic : str or None
     options : TimelineOptions, optional
 
+    Attributes
+    ----------
+    timeline : TimelineStage
+        What it knows of clock and rate.
+
     Examples
     --------
     >>> import numpy as np
@@ -93,7 +98,7 @@ class Characterization:
 
     def __init__(self, *, kind: Kind, path: str | None = None, topic: str | None = None,
                  options: TimelineOptions = TimelineOptions()) -> None:  # noqa: B008
-        self._timeline = TimelineStage(options)
+        self.timeline = TimelineStage(options)
         self._memory = _Memory(kind, path, topic)
 
     def update(self, block: ImuBlock) -> None:
@@ -106,7 +111,7 @@ class Characterization:
             If the timeline cannot make sense of them.
 
         """
-        self._absorb(lambda: self._timeline.push(block))
+        self._absorb(lambda: self.timeline.push(block))
 
     def take_temperature(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
         """
@@ -156,11 +161,11 @@ class Characterization:
 
     def finish(self) -> None:
         """Take in what the timeline still holds back, at the end of a recording."""
-        self._absorb(self._timeline.flush)
+        self._absorb(self.timeline.flush)
 
     def break_run(self) -> None:
         """Begin a new run after an interruption of unknown length; what was learned is kept."""
-        self._absorb(self._timeline.break_run)
+        self._absorb(self.timeline.break_run)
 
     def power_on(self) -> None:
         """Begin a new run after a power-on of the sensor, whose bias may have changed."""
@@ -168,16 +173,16 @@ class Characterization:
         if record is not None:
             self._memory.power_ons.append(mark_of(record))
             del self._memory.power_ons[:-MOST_POWER_ONS]
-        self._absorb(self._timeline.power_on)
+        self._absorb(self.timeline.power_on)
 
     def summary(self) -> TimelineSummary:
         """Return the summary of clock and samples so far."""
-        return self._timeline.summary()
+        return self.timeline.summary()
 
     def snapshot(self) -> Characterization:
         """Return an independent copy, which can be fitted in another thread."""
         twin = Characterization.__new__(Characterization)
-        twin._timeline, twin._memory = self._timeline.copy(), self._memory.copy()
+        twin.timeline, twin._memory = self.timeline.copy(), self._memory.copy()
         return twin
 
     @property
@@ -215,21 +220,6 @@ class Characterization:
             return None
         return FinishedRecord(summary, rate, tuple(
             group.finish(rate) for group in self._memory.groups))
-
-    @property
-    def clock(self) -> Literal['header', 'receive'] | None:
-        """Clock whose stamps are used; None until it is finally chosen."""
-        return self._timeline.clock
-
-    @property
-    def at_other_rate(self) -> bool:
-        """Whether the latest messages are left out because they come at another rate."""
-        return self._timeline.at_other_rate
-
-    @property
-    def left_out_s(self) -> float:
-        """Duration in s of all messages left out because they came at another rate."""
-        return self._timeline.left_out_s
 
     def result(self, remarks: Iterable[Finding] = (), *,
                tested: Backtests | None = None) -> Result:
@@ -301,10 +291,10 @@ class Characterization:
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""
-        memory, epoch_ns = self._memory, self._timeline.epoch_ns
+        memory, epoch_ns = self._memory, self.timeline.epoch_ns
         blocks = step()
         if memory.epoch_ns is None:
-            memory.epoch_ns = epoch_ns if epoch_ns is not None else self._timeline.epoch_ns
+            memory.epoch_ns = epoch_ns if epoch_ns is not None else self.timeline.epoch_ns
         for block in blocks:
             if not len(block):
                 continue
@@ -313,7 +303,7 @@ class Characterization:
             if block.new_run:
                 # A jump of the clock begins a run, and blocks held back until then belong before
                 # it.
-                memory.epoch_ns = self._timeline.epoch_ns
+                memory.epoch_ns = self.timeline.epoch_ns
             there = np.isfinite(block.samples[0])
             known = [group.columns for group in memory.groups]
             if len(known) != 1 or not np.array_equal(np.flatnonzero(there), known[0]):
@@ -325,7 +315,7 @@ class Characterization:
                 group.parted(block) if there[group.columns[0]] else [group])]
             for group in memory.groups:
                 if there[group.columns[0]]:
-                    group.add(block, memory.epoch_ns, self._timeline.interval_ns)
+                    group.add(block, memory.epoch_ns, self.timeline.interval_ns)
 
     def _readings(self) -> Thermometer:
         """Return a thermometer with all readings so far, and no samples."""
@@ -347,7 +337,7 @@ class Characterization:
         memory = replace(self._memory, groups=[
             replace(group, estimator=group.estimator.without_room())
             for group in self._memory.groups])
-        return {**{f'timeline/{key}': value for key, value in self._timeline.to_state().items()},
+        return {**{f'timeline/{key}': value for key, value in self.timeline.to_state().items()},
                 **{f'memory/{key}': value for key, value in state_of(memory).items()}}
 
     @classmethod
@@ -365,7 +355,7 @@ class Characterization:
         """
         self = cls.__new__(cls)
         try:
-            self._timeline = TimelineStage.from_state(part_of(state, 'timeline'))
+            self.timeline = TimelineStage.from_state(part_of(state, 'timeline'))
             self._memory = restored(_Memory, part_of(state, 'memory'))
         except KeyError as error:
             raise ImuAllanError(f'saved characterization: {error.args[0]} is missing') from error

@@ -81,8 +81,8 @@ class Lane:
     @property
     def leaves_out_all(self) -> bool:
         """Return whether the timeline has excluded all messages for their rate for long enough."""
-        return (self.characterization.at_other_rate
-                and self.characterization.left_out_s - self.taken_s > LONGEST_LOOK_S)
+        return (self.characterization.timeline.at_other_rate
+                and self.characterization.timeline.left_out_s - self.taken_s > LONGEST_LOOK_S)
 
     @property
     def span_s(self) -> float:
@@ -117,8 +117,8 @@ class Lane:
             self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
             for known in [block] if self.unit is None else self.unit(block):
                 self._pass_on(known, self.characterization)
-        if not self.characterization.at_other_rate:
-            self.taken_s = self.characterization.left_out_s
+        if not self.characterization.timeline.at_other_rate:
+            self.taken_s = self.characterization.timeline.left_out_s
         elif self.leaves_out_all:
             # The rate may have changed before it was known, or by barely more than allowed.
             self.known.take_over(self.characterization.summary())

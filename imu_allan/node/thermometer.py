@@ -110,7 +110,7 @@ class Thermometer:
         if not len(celsius):
             return
         # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
-        clock = characterization.clock or characterization.summary().clock
+        clock = characterization.timeline.clock or characterization.summary().clock
         if clock is None:
             return
         characterization.take_temperature(stamps[:, 0 if clock == 'header' else 1], celsius)

@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 
-from imu_allan.arrays import Array, Bools
+from imu_allan.arrays import Array
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import LASTING_TERMS
 import numpy as np
@@ -23,34 +23,27 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     become observable, None if it is or if its size is unknown. The second is until its interval
     should be half as wide, None if it is not observable. The limit is 4096 times the record.
     """
-    found: Forecasts = {}
+    found: Forecasts = dict.fromkeys(LASTING_TERMS, (None, None))
     theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
-        return dict.fromkeys(LASTING_TERMS, (None, None))
+        return found
     # Longer forecasts, beyond half a year for a record of an hour, would help nobody to plan.
     lengths: Array = duration_s * np.exp2(np.arange(13))
     errors = _standard_errors(theta, dt, lengths)
     for i, key in enumerate(LASTING_TERMS):
-        if theta[i] <= 0:
-            found[key] = (None, None)
-        elif observable.get(key):
-            reached = errors[:, i] <= errors[0, i] / 2
-            found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
-        else:
+        if theta[i] > 0 and observable.get(key):
+            found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2))
+        elif theta[i] > 0:
             # With this likelihood ratio, a slow term is probable enough to be reported.
-            wanted = theta[i] / np.sqrt(5.5)
-            reached = errors[:, i] <= wanted
-            found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
+            found[key] = (_first(lengths, errors[:, i], theta[i] / np.sqrt(5.5)), None)
     return found
 
 
-def _first(lengths: Array, errors: Array, wanted: float, reached: Bools) -> float | None:
+def _first(lengths: Array, errors: Array, wanted: float) -> float | None:
     """Return the further time until an error falls to `wanted`, by log-log interpolation."""
-    if not reached.any():
-        return None
-    k = int(np.argmax(reached))
+    k = int(np.argmax(errors <= wanted))
     if k == 0:
-        # The record is long enough already, so that something else hides the term.
+        # Never, or the record is long enough already, so that something else hides the term.
         return None
     x = np.log(errors[k - 1:k + 1] / wanted)
     share = x[0] / (x[0] - x[1])

@@ -73,17 +73,17 @@ class Change:
 class Steadiness:
     """Comparison of the noise in the segments of one axis."""
 
-    # Whether the noise is equal up to chance, or up to differences that are too small to matter
-    steady: bool
     differs: bool    # whether it differs by more than chance, however little
     p_value: float    # of equal noise in all segments
-    # By band, the largest spread first; only those large enough to matter
-    changes: tuple[Change, ...]
-    # (half_octaves,): relative spread of the power beyond sampling error, and degrees of
-    # freedom in all segments
+    change: Change | None    # in the band with the largest spread; None if that is too small
+    # (half_octaves,): relative spread of the power beyond sampling error
     frequency_hz: Array
     spread: Array
-    dof: Array
+
+    @property
+    def steady(self) -> bool:
+        """Whether the noise is equal up to chance, or up to differences too small to matter."""
+        return self.change is None
 
     def capped(self, groups: Groups) -> Groups:
         """Limit the degrees of freedom, as a spread between segments does not average out."""
@@ -211,8 +211,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     ratio = power / np.maximum(level, 1e-300)
     half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
     if half is None:
-        nothing = np.array([1.0])
-        return Steadiness(True, False, 1.0, (), nothing, np.zeros(1), nothing)
+        return Steadiness(False, 1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
     p_value = equal_variances(at, count)
     # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
@@ -231,19 +230,17 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     if white_alone:
         # White noise changes in all bands at once; few samples show it only in all together.
         p_value = min(2 * min(p_value, equal_variances(at, count)), 1.0)
-    changes = []
+    change = None
     for place in np.argsort(-wide):
         only = slice(place, place + 1)
         # A relative spread of 5 % of the power does not matter.
-        if wide[place] <= 0.05 or equal_variances(at[:, only], count[:, only]) >= least:
-            continue
-        band = int(np.digitize(centre[place], edges[1:-1]))
-        changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
-                              np.sqrt(at[:, place])))
+        if wide[place] > 0.05 and equal_variances(at[:, only], count[:, only]) < least:
+            band = int(np.digitize(centre[place], edges[1:-1]))
+            change = Change(edges[band], edges[band + 1], float(wide[place]) / 2,
+                            np.sqrt(at[:, place]))
+            break
     differs = p_value < least
-    steady = not (differs and changes)
-    return Steadiness(steady, differs, p_value, () if steady else tuple(changes), middle, smooth,
-                      count.sum(axis=0))
+    return Steadiness(differs, p_value, change if differs else None, middle, smooth)
 
 
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,

@@ -35,18 +35,8 @@ class Gaps:
 NO_GAPS = Gaps()
 
 
-@dataclass(frozen=True)
-class _GapLine:
-    """Line over the places from `first` up to `last`, between the means of `left` and `right`."""
-
-    first: int
-    last: int
-    left: slice
-    right: slice
-    share: Array
-
-
-def _gap_lines(places: Keys) -> Iterator[_GapLine]:
+def _gap_lines(places: Keys) -> Iterator[tuple[slice, slice, slice, Array]]:
+    """Yield each gap, the cells to its left and right, and the share of the right ones in it."""
     for before in np.flatnonzero(np.diff(places) > 1).tolist():
         first, last = int(places[before]) + 1, int(places[before + 1])
         # Average at most 256 cells on each side; farther away, the level has changed.
@@ -54,7 +44,7 @@ def _gap_lines(places: Keys) -> Iterator[_GapLine]:
         left = slice(max(before + 1 - width, 0), before + 1)
         right = slice(before + 1, before + 1 + width)
         x0, x1 = places[left].mean(), places[right].mean()
-        yield _GapLine(first, last, left, right, (np.arange(first, last) - x0) / (x1 - x0))
+        yield slice(first, last), left, right, (np.arange(first, last) - x0) / (x1 - x0)
 
 
 def filled(cells: Cells) -> Array:
@@ -72,9 +62,9 @@ def filled(cells: Cells) -> Array:
         return means
     grid = np.empty((means.shape[0], span))
     grid[:, places] = means
-    for line in _gap_lines(places):
-        y0, y1 = (means[:, side].mean(axis=1) for side in (line.left, line.right))
-        grid[:, line.first:line.last] = y0[:, None] + (y1 - y0)[:, None] * line.share
+    for gap, left, right, share in _gap_lines(places):
+        y0, y1 = (means[:, side].mean(axis=1) for side in (left, right))
+        grid[:, gap] = y0[:, None] + (y1 - y0)[:, None] * share
     return grid
 
 
@@ -105,10 +95,9 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
         index = np.union1d(index, np.geomspace(exact, span - 1, some).astype(np.int64))
     waves = np.exp(1j * np.pi / span * index[:, None] * (np.arange(span) + 0.5))
     weights = waves[:, places]
-    for line in _gap_lines(places):
-        part = waves[:, line.first:line.last]
-        for side, share in ((line.left, 1 - line.share), (line.right, line.share)):
-            weights[:, side] += (part @ share)[:, None] / weights[:, side].shape[1]
+    for gap, left, right, share in _gap_lines(places):
+        for side, own in ((left, 1 - share), (right, share)):
+            weights[:, side] += (waves[:, gap] @ own)[:, None] / weights[:, side].shape[1]
     power = (np.abs(weights) ** 2) @ variance / span
     single = index < exact
     power[single] = 2 * (weights.real[single] ** 2) @ variance / span
