@@ -356,6 +356,6 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
 
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
     """Return the result of the IMU, from one stream or from gyroscope and accelerometer."""
-    from imu_allan.characterization.halves import HalfResult, united
-    return united([HalfResult(one.stream.half, one.stream.topic, result)
+    from imu_allan.characterization.halves import united
+    return united([(one.stream.half, result)
                    for one, result in zip(taken, results, strict=True)])

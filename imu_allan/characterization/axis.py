@@ -20,7 +20,6 @@ from imu_allan.noise.faults import (
     axis_fault,
     Clipped,
     Constant,
-    one_value,
     sample_noise,
     StoodStill,
 )
@@ -146,7 +145,7 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
               ) -> tuple[AxisResult, list[Finding]]:
     """Return an axis that could not be fitted, with its fault and the finding about it."""
     base = replace(base, curve=_curve(points, axis, dt, {}))
-    match axis_fault(finished, axis) or one_value(finished.periodogram.sections(), axis):
+    match axis_fault(finished, finished.periodogram.sections(), axis):
         case Constant(value):
             return base, [finding('constant_axis', value=value, unit=base.unit)]
         case Deadband(width, share) as deadband:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.halves import HalfResult, united
+from imu_allan.characterization.halves import united
 from imu_allan.characterization.stream import Backtests, Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
@@ -56,8 +56,7 @@ class Snapshot:
     def as_one(self, results: Sequence[Result]) -> Result:
         """Join the results of the lanes, in the form that all outputs show."""
         return with_words(united([
-            HalfResult(lane.half, lane.characterization.topic or '', result)
-            for lane, result in zip(self.lanes, results, strict=True)]))
+            (lane.half, result) for lane, result in zip(self.lanes, results, strict=True)]))
 
     def result(self) -> Result:
         """Fit the snapshot and return the joint result."""

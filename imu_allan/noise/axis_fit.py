@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.faults import axis_fault, one_value, steps_hide_noise
+from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
 from imu_allan.noise.posterior.estimates import expected, moving_mean
 from imu_allan.noise.posterior.parts import random_walk_persists
@@ -93,8 +93,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
 
     """
     sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
-    axes = [axis for axis in range(finished.axes) if axis_fault(finished, axis) is None
-            and one_value(sections, axis) is None]
+    axes = [axis for axis in range(finished.axes)
+            if axis_fault(finished, sections, axis) is None]
     found: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
         return found

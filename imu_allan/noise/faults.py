@@ -50,11 +50,14 @@ class Clipped(NamedTuple):
 AxisFault = Constant | Deadband | StoodStill | Clipped
 
 
-def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
+def axis_fault(finished: Estimator, sections: Sequence[SpectrumSection], axis: int
+               ) -> AxisFault | None:
     """
     Return the fault of an axis, or None if its coefficients can be estimated.
 
-    Returns: the first that applies of `Constant`, `Deadband`, `StoodStill` and `Clipped`.
+    `sections`: of its spectrum. Returns: the first that applies of `Constant`, `Deadband`,
+    `StoodStill` and `Clipped`. An axis stood still, too, if it holds one value wherever a spectrum
+    is possible, and others between gaps.
     """
     if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
@@ -64,24 +67,13 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
         return StoodStill(*still)
-    return clipping(finished, axis)
-
-
-def one_value(sections: Sequence[SpectrumSection], axis: int) -> StoodStill | None:
-    """
-    Find an axis that holds one value wherever a spectrum is possible, and others between gaps.
-
-    Returns: the longest section, or None if any has noise.
-    """
-    for section in sections:
-        power = section.power[axis]
-        # Rounding leaves 1e-32 of a constant.
-        if power[section.first:section.last].max(initial=0.0) > 1e-26 * power.max():
-            return None
-    if not sections:
-        return None
+    if (clipped := clipping(finished, axis)) is not None or not sections:
+        return clipped
     longest = max(sections, key=lambda section: section.length * section.step)
-    return StoodStill(longest.start, longest.length * longest.step)
+    # Rounding leaves 1e-32 of a constant.
+    has_noise = any(section.power[axis, section.first:section.last].max(initial=0.0)
+                    > 1e-26 * section.power[axis].max() for section in sections)
+    return None if has_noise else StoodStill(longest.start, longest.length * longest.step)
 
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:
