@@ -17,6 +17,7 @@ from imu_allan.noise.posterior.trends import (
     Bank,
     lags_of,
     TRENDS,
+    waveforms,
     with_temperature,
 )
 from imu_allan.noise.record.bins import bins_of
@@ -106,13 +107,16 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
-    calm = [_without_found_mean(source, posterior, finished)
-            for source, posterior in zip(sources, first, strict=True)]
-    again = [number for number, own in enumerate(calm) if own.differs_from(sources[number])]
-    for number, posterior in zip(again, _weighed([calm[number] for number in again], dt, bank),
-                                 strict=True):
-        first[number] = posterior
-    for axis, source, posterior in zip(axes, calm, first, strict=True):
+    for without in (_without_found_cycle, _without_found_mean):
+        changed = {number: calm for number, (source, posterior) in enumerate(
+            zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
+        again = [number for number, calm in changed.items() if calm.differs_from(sources[number])]
+        for number, posterior in zip(again, _weighed([changed[number] for number in again], dt,
+                                                     bank), strict=True):
+            first[number] = posterior
+        for number, calm in changed.items():
+            sources[number] = calm
+    for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
 
@@ -253,11 +257,32 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
     return left
 
 
-def _without_found_mean(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:
-    """Remove a moving mean, which would pass for changing noise, if there is one."""
+def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator
+                         ) -> _Source | None:
+    """
+    Remove a cycle that was found beside other trends; None if there is none with harmonics.
+
+    Without those trends, `_without_cycles` may have missed it, or seen it as one wave.
+    """
+    found = posterior.models[0].trends
+    frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
+    if source.cycle is not None or not frequencies_hz:
+        return None
+    others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
+                       source.record.duration_s)
+    cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
+    if cycle is None or len(cycle.cycle.cosines) <= 2:
+        return None
+    return replace(source, cycle=cycle).without_moving_mean(
+        finished, replace(cycle.record, trends=()))
+
+
+def _without_found_mean(source: _Source, posterior: Posterior, finished: Estimator
+                        ) -> _Source | None:
+    """Remove a moving mean, which would pass for changing noise; None if there is none."""
     found = moving_mean(posterior, source.record)
     if found is None:
-        return source
+        return None
     mean, noise = found
     return source.without_moving_mean(finished, source.record.without_leak(mean, noise), mean)
 
