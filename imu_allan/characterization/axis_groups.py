@@ -62,6 +62,7 @@ class Group(Record):
     thermometer: Thermometer    # with the grid places of the samples of these axes
     end: int = 0    # grid place after the newest sample
     new_run: bool = False    # whether a run has begun since then
+    away: bool = False    # whether the newest block lacked these axes
     moved: bool = False    # whether their means are others in the next block
     latest: LatestRows = field(default_factory=LatestRows)
 
@@ -109,7 +110,7 @@ class Group(Record):
                 estimator.signal.skip(skipped)
             else:
                 estimator.skip(skipped)
-        self.new_run = self.moved = False
+        self.new_run = self.moved = self.away = False
         first = last = None
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)
@@ -183,6 +184,12 @@ def groups_of(groups: Sequence[Group], there: Bools, readings: Thermometer) -> l
     found: list[Group] = []
     for group in groups:
         stays = there[group.columns]
+        if group.away and stays.any():
+            # An axis that comes back after giving a single value was dead, and starts afresh.
+            kept = ~(stays & group.estimator.constant)
+            if not kept.any():
+                continue
+            group, stays = group.part(kept), stays[kept]
         whole = stays.all() or not stays.any()
         found += [group] if whole else [group.part(stays), group.part(~stays)]
     new = np.setdiff1d(np.flatnonzero(there), [

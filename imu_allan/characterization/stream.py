@@ -310,6 +310,7 @@ class Characterization:
                 memory.groups = groups_of(memory.groups, there, self._readings())
                 for group in memory.groups:
                     group.new_run |= block.new_run
+                    group.away |= not there[group.columns[0]]
             memory.groups = [part for group in memory.groups for part in (
                 group.parted(block) if there[group.columns[0]] else [group])]
             for group in memory.groups:
