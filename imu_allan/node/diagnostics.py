@@ -23,8 +23,8 @@ from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
 from imu_allan.writers.words import for_display, message_of
 
-_PASSED = frozenset({'axis_absent_in_part', 'clock_jumps', 'field_absent', 'frozen',
-                     'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
+_PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
+                     'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
                      'rest_within_motion', 'several_frames', 'spikes'})
 """Codes of findings whose cause may be over; the counts show whether it persists."""
 

@@ -7,6 +7,10 @@ Which axes are alive, judged by the values of messages, whatever their stamps.
 absent. Isolated unusable values invalidate their message. If they persist, the axis is gone until
 usable values persist as long; the other axes are not affected.
 
+At first, an axis without noise, a coarse one within one quantization step, and a dead one look the
+same. A coarse axis leaves its value slowly, with an occasional single change. A dead one that
+comes to life changes all the time from then on, and its data begin there.
+
 *Content*: a sensor whose noise spans its resolution never gives the same six values twice. If
 messages repeat them, they were polled faster than the sensor samples (held), or the driver
 continues without the sensor (frozen). A coarse output repeats itself by nature and is kept.
@@ -173,6 +177,20 @@ class Presence(Record):
     # Messages in which each axis was absent while others were present.
     gone: list[int] = field(default_factory=lambda: [0] * 6)
     changed: bool = False  # whether an axis has gone or come since the first messages
+    # Messages for which an axis has kept its first value, and that value; -1 after a change.
+    asleep: list[int] = field(default_factory=lambda: [0] * 6)
+    value: list[float] = field(default_factory=lambda: [0.0] * 6)
+    # Messages before an axis came to life.
+    late: list[int] = field(default_factory=lambda: [0] * 6)
+
+    def stays(self, samples: Array) -> bool:
+        """Take samples, shape (n, 6), if every axis is there and none wakes; else return False."""
+        if not all(self.there) or not all(
+                asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
+                for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True))):
+            return False
+        self.asleep = [asleep + len(samples) if asleep > 0 else -1 for asleep in self.asleep]
+        return True
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """Find the axes that are gone from unusable values; only the first `consumed` count."""
@@ -203,3 +221,30 @@ class Presence(Record):
         self.changed |= bool((gone[:consumed] == self.there[axis]).any())
         self.there[axis] = not gone[consumed - 1]
         return gone
+
+    def waking(self, samples: Array, consumed: int) -> Bools:
+        """Find values before an axis comes to life, which must not be used, shape (n, 6)."""
+        away = np.zeros(samples.shape, dtype=bool)
+        for axis, asleep in enumerate(self.asleep):
+            values = samples[:, axis]
+            known = np.flatnonzero(np.isfinite(values)) if asleep >= 0 else np.empty(0, int)
+            now = known[:np.searchsorted(known, consumed)]
+            if not len(now):
+                continue
+            if asleep == 0:
+                self.value[axis] = float(values[now[0]])
+            other = np.flatnonzero(values[now] != self.value[axis])
+            if not len(other):
+                self.asleep[axis] += len(now)
+                continue
+            slept, self.asleep[axis] = asleep + int(other[0]), -1
+            # Decide from the messages that are always available as look-ahead.
+            following = values[known[other[0]:other[0] + 1 + 64]]
+            changes = int(np.count_nonzero(following[1:] != following[:-1]))
+            # Fewer than 32 constant messages affect no result; at the end of a recording, eight
+            # later ones are enough to decide. Noise of a third of a step changes a quarter of
+            # them; a slow drift across a step does not.
+            if slept >= 32 and len(following) > 8 and changes >= 0.25 * (len(following) - 1):
+                self.late[axis], row = slept, int(now[other[0]])
+                away[max(row - SPARSE, 0):max(row, 1), axis] = self.changed = True
+        return away

@@ -30,7 +30,7 @@ Figures = dict[str, dict[str, Any]]
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """Collect the findings; one about the recording as a whole appears once for each code."""
-    return (*_axes_findings(memory.counts, memory.decision, memory.presence),
+    return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
             *(finding(code, **found) for code, found in _figures(memory).items()),
             *_slow_turns(memory.excursions))
 
@@ -142,13 +142,17 @@ def _figures(memory: Memory) -> Figures:
     return figures
 
 
-def _axes_findings(counts: Counts, decision: Decision, presence: Presence) -> list[Finding]:
+def _axes_findings(counts: Counts, decision: Decision, content: Content, presence: Presence
+                   ) -> list[Finding]:
     axes = [*zip(AXES, decision.present or [True] * 6, decision.not_finite, presence.gone,
-                 strict=True)]
-    return [*(finding('axis_not_finite', (name,)) for name, was, never, _ in axes
+                 presence.late, strict=True)]
+    # If the whole sensor was dead at first, that is reported as one.
+    return [*(finding('axis_not_finite', (name,)) for name, was, never, _, _ in axes
               if never and not was),
             *(finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
-              for name, was, _, gone in axes if gone and was)]
+              for name, was, _, gone, _ in axes if gone and was),
+            *(finding('axis_late_start', (name,), late=late, messages=counts.messages)
+              for name, _, _, _, late in axes if late > content.head)]
 
 
 def _content_figures(counts: Counts, content: Content) -> Figures:

@@ -291,7 +291,7 @@ class Intake(Record):
     def _unusable(self, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
         """Return the axes that are gone for a while, and messages with other unusable values."""
         counts, presence, c = self._counts, self.presence, window.consumed
-        if all_usable and all(presence.there):
+        if all_usable and presence.stays(window.samples[:c]):
             return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
         with np.errstate(invalid='ignore'):
             bad: Bools = ~(np.abs(window.samples) < LARGEST)
@@ -301,7 +301,11 @@ class Intake(Record):
         self.decision.present = (came | np.array(self.decision.present)).tolist()
         counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
-        return gone, spoilt
+        asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
+        if asleep[:, 3:].any():
+            # The output of a dead accelerometer is not gravity.
+            counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
+        return gone | asleep, spoilt
 
 
 def _clipped(stamps: Stamps) -> Stamps:

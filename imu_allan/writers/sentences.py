@@ -186,6 +186,9 @@ def _damaged_recording(f: Any) -> str:
                 f'{f.first}){lost}')
     if f.fault == 'holes':
         return f'left out {counted(f.holes, "place")} without records (the first: {f.first}){lost}'
+    if f.fault == 'entries':
+        return (f'{f.topic} is entered {f.entries} times; the messages of the first {f.read} '
+                'entries were read')
     if f.fault == 'database':
         return (f'the database is damaged in {counted(f.places, "place")} ({f.reason}): '
                 f'{counted(f.read, "message")} of {f.topic} could be read, the others are lost')
@@ -725,6 +728,11 @@ WORDS: Mapping[str, Words] = {
         'They repeat one value, or none.',
         says=lambda f: f'the first {f.messages} messages hold one value or none: the sensor had '
                        'not started yet, they are left out'),
+    'axis_late_start': Words(
+        'late axis', 'The record of this axis begins later.',
+        'It holds one value at first.',
+        says=lambda f: f'one value for the first {f.late:d} of {f.messages} messages: the axis '
+                       'had not started yet'),
     'unit_g': Words(
         'unit g', 'Acceleration in g was converted to m/s^2.',
         'Its magnitude is near 1.',

@@ -196,6 +196,7 @@ def test_a_frozen_sensor_is_left_out_and_reported(share, where, axes):
     if where == 'start':
         assert result.timeline.rejected == pytest.approx(lasts, abs=1)
         assert said(result, 'late_start').values == {'messages': lasts}
+        assert 'axis_late_start' not in codes(result)
     else:
         assert said(result, 'frozen').values == {
             'messages': result.timeline.rejected,
@@ -353,6 +354,32 @@ def undisturbed():
 def numbers(result, axes):
     return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
             if name.startswith(axes)]
+
+
+@pytest.mark.parametrize(('dead', 'late'), [slow(slice(0, 1), 4500), (slice(3, 6), 10_500)])
+def test_an_axis_that_is_dead_first_is_used_later_and_costs_the_others_nothing(dead, late):
+    messages, truth, rng = rest()
+    whole = undisturbed()
+    messages.samples[:late, dead] = 0.0
+    result = characterized(messages, rng)
+    assert_right(result, truth, 0.05)
+    assert not scenarios.false_terms(result)
+    assert result.timeline.motion == ()
+    names = list(result.axes)[dead]
+    for name in set(result.axes) - set(names):
+        one, other = result.axes[name], whole.axes[name]
+        assert (one.signal, one.spectrum) == (other.signal, other.spectrum)
+        # Which axes are weighed in one batch is seen in the last digits.
+        for key, found in one.coefficients.items():
+            expected = other.coefficients[key]
+            assert found.observable == expected.observable
+            assert (found.value or found.upper95) == pytest.approx(
+                expected.value or expected.upper95, rel=1e-3)
+    for name in names:
+        assert result.axes[name].signal.mean[0] is None
+    assert codes(result) - {'slow_cycle'} <= {'axis_late_start', 'short_recording'}
+    assert said(result, 'axis_late_start') == finding(
+        'axis_late_start', names, late=late, messages=15_000)
 
 
 @pytest.mark.parametrize(('rate_hz', 'dead'), [

@@ -114,6 +114,7 @@ SAID = [
             **LOST, **RECORDING),
     finding('damaged_recording', fault='holes', holes=1, first='8 bytes from byte 9 on',
             **RECORDING),
+    finding('damaged_recording', fault='entries', topic=IMU, entries=65_536, read=500),
     finding('damaged_recording', fault='database', places=1, read=4980, topic=IMU, reason='bad'),
     finding('damaged_recording', fault='bytes', bytes=7000),
     finding('damaged_recording', fault='file', reason='b.mcap: empty'),
@@ -165,7 +166,7 @@ SAID = [
     finding('clock_jumps', clock='header', count=3), finding('repeated_part', messages=60_000),
     finding('gaps_not_listed', gaps=1999, gaps_s=199.9, listed=1000),
     finding('held_values', share=0.5), finding('late_start', messages=4500),
-    finding('unit_g'),
+    of_all('axis_late_start', 'late', [10, 20, 20], messages=15_000), finding('unit_g'),
     *(finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, rate])
       for rate in (250.0, 400.0001)),
     finding('repeated_half', topic=IMU, half=None), finding('repeated_half', topic=IMU,
