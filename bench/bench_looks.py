@@ -52,7 +52,7 @@ def looks(terms: dict[str, float], seed: int, fit_growth: float) -> Iterator[Res
         known = new.stop
         imu.update(ImuBlock(stamps[new], stamps[new], samples[new],
                             np.zeros((new.stop - new.start, 2), bool), 'imu'))
-        yield published.judged(imu.result(tested={}))
+        yield published.judged(imu.result())
 
 
 def count(terms: dict[str, float], seed: int, fit_growth: float

@@ -33,7 +33,7 @@ from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.record.census import SAME
 from imu_allan.noise.terms import AXES
 from imu_allan.noise.uncertainty import bounded, leaked_share, widened
-from imu_allan.result import AxisResult, Backtest, Result, Source
+from imu_allan.result import AxisResult, Result, Source
 from imu_allan.sensor.plausible import implausible
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
@@ -45,7 +45,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Kind = Literal['recording', 'topic']
 Fits = dict[str, AxisFit | None]
-Backtests = Mapping[str, Backtest | None]
 
 
 @dataclass
@@ -221,8 +220,7 @@ class Characterization:
         return FinishedRecord(summary, rate, tuple(
             group.finish(rate) for group in self._memory.groups))
 
-    def result(self, remarks: Iterable[Finding] = (), *,
-               tested: Backtests | None = None) -> Result:
+    def result(self, remarks: Iterable[Finding] = ()) -> Result:
         """
         Fit the data taken in so far, without changing the stream.
 
@@ -230,9 +228,6 @@ class Characterization:
         ----------
         remarks : iterable of Finding, optional
             Findings of the reader, such as a truncated recording; they come first.
-        tested : mapping of axis name to Backtest or None, optional
-            Backtests of a shorter record, which saves a tenth of a second; by default they are
-            made.
 
         Returns
         -------
@@ -245,10 +240,9 @@ class Characterization:
             If a recording is mostly motion, or the timeline cannot make sense of it.
 
         """
-        return self.fitted(remarks, tested=tested)[0]
+        return self.fitted(remarks)[0]
 
-    def fitted(self, remarks: Iterable[Finding] = (), *, tested: Backtests | None = None
-               ) -> tuple[Result, Fits]:
+    def fitted(self, remarks: Iterable[Finding] = ()) -> tuple[Result, Fits]:
         """Return the result, as `result` does, and the fits of all axes behind it."""
         twin = self.snapshot()
         try:
@@ -280,7 +274,7 @@ class Characterization:
         if record is None:
             unknown = (finding('unknown_rate'),) if twin._memory.groups else ()
             return replace(result, warnings=(*result.warnings, *unknown)), {}
-        axes, found, fits = _fitted_axes(record, tested)
+        axes, found, fits = _fitted_axes(record)
         marks = self._memory.power_ons
         columns = record.groups[0].estimator.signal.columns()
         return replace(
@@ -362,14 +356,13 @@ class Characterization:
         return self
 
 
-def _fitted_axes(record: FinishedRecord, tested: Backtests | None
-                 ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
+def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
     """Fit every axis; return the results, the findings and the fits."""
     fitted: dict[str, AxisResult] = {}
     found: list[Finding] = []
     fits: Fits = {}
     for group in record.groups:
-        own, remarks, own_fits = _fitted_group(group, record.rate_hz, tested)
+        own, remarks, own_fits = _fitted_group(group, record.rate_hz)
         own = {name: widened(axis, 0.0, leaked_share(
             axis, group.estimator.interpolation.share, 1 / record.rate_hz))
             for name, axis in own.items()}
@@ -387,21 +380,19 @@ def _fitted_axes(record: FinishedRecord, tested: Backtests | None
                   *length_remarks(axes, summary, unclear | set(summary.turned))], fits
 
 
-def _fitted_group(group: FinishedGroup, rate_hz: float, tested: Backtests | None
+def _fitted_group(group: FinishedGroup, rate_hz: float
                   ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
     """Fit the axes of a group, and compare them with each other."""
     names, finished = group.names, group.estimator
     fits = fit_axes(finished, 1 / rate_hz, group.temperature)
     fitted = axis_results(finished, rate_hz, [AXES[name] for name in names], fits)
-    if tested is None:
-        spectrum = finished.periodogram
-        tested = dict(zip(names, backtest(spectrum.series, spectrum.cell, 1 / rate_hz),
-                          strict=True))
+    spectrum = finished.periodogram
+    tested = backtest(spectrum.series, spectrum.cell, 1 / rate_hz)
     axes: dict[str, AxisResult] = {}
     own: list[Finding] = []
     steady: dict[str, AxisResult] = {}
-    for name, (axis, remarks) in zip(names, fitted, strict=True):
-        axes[name] = replace(axis, backtest=tested.get(name) if axis.drift_model else None)
+    for name, (axis, remarks), test in zip(names, fitted, tested, strict=True):
+        axes[name] = replace(axis, backtest=test if axis.drift_model else None)
         own += [remark.of(name) for remark in remarks]
         if {'not_steady', *MEAN_MOVES}.isdisjoint(
                 {remark.code for remark in remarks} - {'trend_or_walk'}):

@@ -86,18 +86,17 @@ class Results:
             self._publications.serve_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
-        """Start a fit, which reuses nothing of an earlier one if `to_the_end`, as the last may."""
+        """Start a fit; `to_the_end` if no more messages are expected."""
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
-        run.fitted = fed = run.fed
+        run.fitted = run.fed
         span_s = run.span_s
         snapshot, name, looks = run.snapshot(), self._node_name, run.datasheet_looks
-        tested = None if to_the_end else run.backtests
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
-            of_lanes, fits = snapshot.fitted(tested)
+            of_lanes, fits = snapshot.fitted()
             fitted = snapshot.as_one(of_lanes)
             result = run.shown_terms.judged(fitted, more_comes=not to_the_end)
             messages = result_messages(result, name, _time(stamp), filter_of)
@@ -116,7 +115,7 @@ class Results:
             done = future.result()
             self.latest, self._facts.fit_s = done.result, done.took_s
             self._facts.comparisons = done.comparisons
-            run.learn(done.of_lanes, fed if tested is None else None)
+            run.learn(done.of_lanes)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
             self._fitted_s, self._rested = span_s, began + 100 * done.cpu_s
             self._publications.publish(done.messages)

@@ -12,7 +12,7 @@ from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import united
-from imu_allan.characterization.stream import Backtests, Fits
+from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
@@ -44,11 +44,11 @@ class Snapshot:
 
     lanes: tuple[LaneSnapshot, ...]
 
-    def fitted(self, tested: Backtests | None = None) -> tuple[list[Result], Fits]:
-        """Fit each lane; return results, and fits by axis. Backtests in `tested` are reused."""
+    def fitted(self) -> tuple[list[Result], Fits]:
+        """Fit each lane; return results, and fits by axis."""
         results, fits = [], {}
         for characterization, half, remarks in self.lanes:
-            result, found = characterization.fitted(remarks, tested=tested)
+            result, found = characterization.fitted(remarks)
             results.append(result)
             fits.update({name: fit for name, fit in found.items() if name.startswith(half or '')})
         return results, fits
@@ -144,8 +144,6 @@ class Run:
         # Both are updated by the thread that fits.
         self.datasheet_looks = DatasheetLooks()
         self.shown_terms = shown_terms or ShownTerms()
-        self._backtests: Backtests | None = None
-        self._tested = 0
 
     @property
     def fed(self) -> int:
@@ -162,24 +160,14 @@ class Run:
         """Duration of its samples in s."""
         return max(lane.span_s for lane in self.lanes)
 
-    @property
-    def backtests(self) -> Backtests | None:
-        """Backtests that are still valid; None once the record has grown by 15 %."""
-        # Until then they hardly change, and each of them runs a filter over half of the record.
-        return self._backtests if self.fed < 1.15 * self._tested else None
-
     def snapshot(self) -> Snapshot:
         """Return an independent copy that another thread can fit."""
         return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
 
-    def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
-        """Keep what later fits and checks of the IMU need from a fit."""
+    def learn(self, results: Sequence[Result]) -> None:
+        """Keep what checks of the IMU need from a fit."""
         for lane, result in zip(self.lanes, results, strict=True):
             lane.known.learn(result.source)
-        if tested_at is not None:
-            self._tested = tested_at
-            self._backtests = {name: axis.backtest for result in results
-                               for name, axis in result.axes.items()}
 
 
 def useless(error: ImuAllanError) -> str:

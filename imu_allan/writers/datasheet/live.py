@@ -50,7 +50,7 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
     halves = {'': stream} if isinstance(stream, Characterization) else stream
     if result is None or fits is None:
         [alone] = halves.values()
-        own, fits = alone.fitted(tested={})
+        own, fits = alone.fitted()
         result = result or own
     verdicts = check(result, specification, shortest_s=shortest_s)
     recorded = float('inf')
