@@ -107,8 +107,10 @@ class Content(Record):
 
     def spikes(self, samples: Array) -> Bools:
         """Find isolated outliers, as `imu_allan.timeline.foreign_samples.spikes` does."""
+        # What is beyond all numbers is no noise with which later samples may be compared.
+        last = np.clip(self.last, -LARGEST, LARGEST) if self.last else None
         steps = np.empty_like(samples)
-        steps[0] = samples[0] - self.last if self.last else 0.0
+        steps[0] = 0.0 if last is None else samples[0] - last
         np.subtract(samples[1:], samples[:-1], out=steps[1:])
         # Fewer samples do not give the noise with which an outlier is compared.
         if len(samples) < 8 or (self.noise and not may_have_outlier(steps, np.array(self.noise))):
@@ -116,7 +118,7 @@ class Content(Record):
         # After a change of the noise level, the full search is needed only once.
         noise = noise_of_steps(steps)
         self.noise = noise.tolist()
-        return spikes(samples, np.array(self.last) if self.last else None, noise)
+        return spikes(samples, last, noise)
 
     def look(self, samples: Array, consumed: int, all_usable: bool) -> Repeats:
         """Find held and frozen messages and outliers; only the first `consumed` count."""

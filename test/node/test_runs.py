@@ -3,6 +3,7 @@
 """Whose messages come, however they pile up, without the middleware between."""
 
 from dataclasses import replace
+from itertools import pairwise
 import json
 from operator import itemgetter
 import time
@@ -279,8 +280,10 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value):
     run, block = new_run(SETUP), at_rest(6000)
     # Among the first, which are remembered, and the last, which wait for their neighbours.
     block.samples[[3, 3000, 5990], 1] = value
-    for part in (slice(0, 100), slice(100, 5995), slice(5995, None)):
-        run.lanes[0].update([block.part(part)])
+    # For some seconds, in which an axis without a value is absent.
+    block.samples[4000:4400, 4] = value
+    for first, last in pairwise([0, 100, *range(4000, 4400, 50), 5995, 6000]):
+        run.lanes[0].update([block.part(slice(first, last))])
         run = resumed(run)
     timeline = run.snapshot().result().timeline
     assert (timeline.samples, timeline.rejected) == (5997, 3)
