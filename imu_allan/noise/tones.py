@@ -215,7 +215,9 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         return []
     places = np.flatnonzero(hit)
     groups = np.split(places, np.flatnonzero(np.diff(places) > 4) + 1)
-    return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min())) for g in groups]
+    # Where the first cell is the largest, the spectrum falls steeply, as behind a slow low-pass.
+    return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min()))
+            for g in groups if g[0] > 0 or np.argmax(mean[g]) > 0]
 
 
 def higher_side(level: Array, neighbourhood: int) -> Array:
