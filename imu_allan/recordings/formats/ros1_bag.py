@@ -253,7 +253,8 @@ def _indexed(file: BinaryIO, part: Part) -> tuple[Ints, Ints, Ints]:
     entries = np.concatenate(held)
     order = np.argsort(entries['place'], kind='stable')
     connections = np.repeat(np.array([*part.indexes], np.int64), [*map(len, held[1:])])
-    times = entries['sec'] * np.int64(1_000_000_000) + entries['nanosec']
+    # With numpy 1, 32-bit numbers times a scalar would stay of 32 bits.
+    times = entries['sec'].astype(np.int64) * 1_000_000_000 + entries['nanosec']
     return connections[order], times[order], entries['place'][order].astype(np.int64)
 
 
