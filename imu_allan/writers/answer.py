@@ -146,8 +146,9 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
 
 
 def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
-                 aiding_s: float = AIDING_S, coast_s: float = COAST_S) -> list[str]:
-    """Say what to give a filter, in SI, and the unaided drift."""
+                 aiding_s: float = AIDING_S, coast_s: float = COAST_S, *,
+                 measured: bool = True) -> list[str]:
+    """Say what to give a filter, in SI, beside it what was `measured`, and the unaided drift."""
     lines = []
     if any(figures.for_filter for figures in found):
         lines.append(f'Tuned for a filter corrected every {aiding_s:g} s, up to '
@@ -163,6 +164,7 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
             lines += [f'  {figures.sensor:<5}  worst axis {axis}: '
                       f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
                       for axis, worst in figures.worst.values()]
+    lines += _measured_beside(found, width) if measured else []
     drifts = {figures.sensor: _unaided(figures, result.timeline.rest_s) for figures in found
               if figures.forecast}
     head = f'Unaided drift after {wording.duration(coast_s)}:'
@@ -175,6 +177,25 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
     for place, (sensor, text) in enumerate(drifts.items()):
         lines.append(f'{"" if place else head:<{len(head)}} {sensor:<5} {text}')
     return lines
+
+
+def _measured_beside(found: Sequence[KeyFigures], width: int) -> list[str]:
+    """Say in SI what was measured as K where a tuned one is given, with intervals if they fit."""
+    measured_k = {figures.sensor: figures.worst['rate_random_walk'][1] for figures in found
+                  if figures.for_filter and 'rate_random_walk' in figures.worst}
+    if not measured_k:
+        return []
+    in_full, brief = ('  measured K: ' + '; '.join(
+        f'{sensor} {_measured(coefficient, ends=ends)}'
+        for sensor, coefficient in measured_k.items()) for ends in (True, False))
+    return [in_full if len(in_full) <= width else brief]
+
+
+def _measured(coefficient: Coefficient, *, ends: bool) -> str:
+    value, *interval = reported(coefficient, si=True)
+    if not interval:
+        return f'not visible, {value}'
+    return f'{value} ({" to ".join(interval)})' if ends else value
 
 
 def _unaided(figures: KeyFigures, rest_s: float) -> str:

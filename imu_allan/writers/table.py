@@ -60,7 +60,9 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     verdicts = list(wrapped(verdict_lines(result, units), width, 'bold'))
-    tuned = list(wrapped(answer.filter_lines(result, found, width), width))
+    # The measured K also stands in the table, if a line is wanting.
+    tuned = [list(wrapped(answer.filter_lines(result, found, width, measured=measured), width))
+             for measured in (True, False)]
     heading = _heading(result, width)
     rows = [list(_rows(axes_of(result, figures.sensor), units, result.timeline.rest_s,
                        verbose=verbose)) for figures in found]
@@ -75,11 +77,11 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     screen = 23   # lines for a result, as the last of 24 says how to save it
     # If head and tables fit on a screen but not with the findings, omit the coefficients.
     if width >= COLUMNS and sum(
-            map(len, (verdicts, tuned, heading, *tables, count))) <= screen:
+            map(len, (verdicts, tuned[-1], heading, *tables, count))) <= screen:
         middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
-    for middle, last in product(middles, (names, count)):
+    for middle, last, for_filter in product(middles, (names, count), tuned):
         blocks = [block for block in (
-            verdicts, tuned, heading, *middle, notes, [*said, *last]) if block]
+            verdicts, for_filter, heading, *middle, notes, [*said, *last]) if block]
         spare = len(blocks) if verbose else screen - sum(map(len, blocks))
         if spare >= 0:
             break
