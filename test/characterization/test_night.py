@@ -6,7 +6,9 @@ from dataclasses import replace
 
 from characterized import AXES, B, celsius_at, in_blocks, K, messages, N, said, START_NS, streamed
 from imu_allan.characterization import Characterization
+from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
+from imu_allan.state import state_of
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -90,6 +92,14 @@ def test_memory_does_not_grow_with_the_readings():
     shown = stream.result().temperature
     middle = (np.arange(len(shown.mean)) + 0.5) * shown.step_s
     assert shown.mean[:-1] == pytest.approx(20 + middle[:-1] / 1e5, abs=1e-3)
+    thermometer = Thermometer()
+    for part in np.array_split(np.arange(2_000_000) / 10, 50):
+        thermometer.take(stamps_of(part), 20 + part / 1e5)
+    assert sum(array.nbytes for array in state_of(thermometer).values()) < 200_000
+    at = np.array([500.0, 123_456.0])
+    assert thermometer.celsius(stamps_of(at).astype(float)) == pytest.approx(20 + at / 1e5,
+                                                                             abs=1e-5)
+    assert len(thermometer) == 2_000_000
 
 
 def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(rows):

@@ -7,7 +7,8 @@ import re
 from bags import mcap_written, serialized
 from characterized import celsius_at, messages
 from imu_allan import analyze, simulate
-from imu_allan.recordings import RecordingOptions
+from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings.thermometers import temperatures
 import numpy as np
 from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
@@ -131,7 +132,10 @@ def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(tmp_path, chosen,
     path = recorded(tmp_path, type_name, {
         'my_driver/msg/Board': 'float64 heat\n', type_name: text}, message, 50)
     assert chosen(path, *['--temperature', given][:2 * bool(given)]) == [name]
-    found = analyze(path, reading=RecordingOptions(temperature=given)).temperature
-    assert min(found.low) == pytest.approx(26.85, abs=1e-4)
-    # Neighbours are averaged.
-    np.testing.assert_allclose(found.mean, 26.85 + np.arange(50), atol=4)
+    options = RecordingOptions(temperature=given)
+    with open_recording(path, options=options) as recording:
+        [(stamps, celsius)] = temperatures(recording, '/sensor', 'header')
+        [(block, _)] = recording.decoded('/sensor')
+    assert stamps.tolist() == block.header_ns.tolist()
+    np.testing.assert_allclose(celsius, kelvin - 273.15, atol=1e-4)
+    assert min(analyze(path, reading=options).temperature.low) == pytest.approx(26.85, abs=1e-4)
