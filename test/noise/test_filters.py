@@ -4,20 +4,10 @@
 
 from functools import partial
 
-from characterized import (
-    B,
-    characterized,
-    ends,
-    holds,
-    K,
-    messages,
-    N,
-    several,
-    streamed,
-    unbiased,
-)
+from characterized import B, characterized, ends, holds, K, messages, N, several, unbiased
 from exact_results import only
 import imu_allan
+from imu_allan.characterization import Characterization
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import SLOW_TERMS
@@ -100,10 +90,10 @@ def sensor(seed, **more):
     return simulate({N: 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
 
 
-def hour_without_bias(time_s, seed, hours):
+def hour_without_bias(time_s, seed, hours=1.0, **terms):
     """Ten samples a second of a gyroscope with flicker, behind a filter that has settled."""
     settling = int(20 * time_s) * 10
-    rows = simulate(GYRO, settling + round(hours * 36_000), 10.0, seed)
+    rows = simulate({**GYRO, **terms}, settling + round(hours * 36_000), 10.0, seed)
     return unbiased(rows, 1 / (10 * time_s), 20)
 
 
@@ -123,27 +113,47 @@ def slow_noise(exponent, minutes, seed):
     return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
 
 
+def zero_taken_every_minute(seed):
+    minutes = simulate(GYRO, 36_600, 10.0, seed).reshape(-1, 600)
+    return (minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel()
+
+
+def missed(*values, of):
+    """Mark a share that the posterior does not reach, with what it reports."""
+    return pytest.param(*values, marks=pytest.mark.xfail(strict=True, reason=f'seen in {of}'))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(('record', 'rate', 'records', 'most'), [
+@pytest.mark.parametrize(('record', 'rate', 'records', 'fewest', 'most'), [
     # Of records with another exponent 5 % but for chance: more than 24 come once in 30 times.
-    *((partial(slow_noise, exponent, minutes), 50.0, 300, 24) for exponent, minutes in (
+    *((partial(slow_noise, exponent, minutes), 50.0, 300, 0, 24) for exponent, minutes in (
         (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15))),
-    *((partial(simulate, terms, 36_000, 10.0), 10.0, 200, 2) for terms in (
-        GYRO, {**GYRO, K: 1e-6}, {N: 7.9e-5}))])
-def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, most):
-    assert sum('high_passed' in characterized(record(seed=seed), rate)[1]
-               for seed in range(records)) <= most
+    *((partial(simulate, terms, 36_000, 10.0), 10.0, 200, 0, 2) for terms in (
+        GYRO, {**GYRO, K: 1e-6}, {N: 7.9e-5})),
+    missed(zero_taken_every_minute, 10.0, 20, 4, 20, of='3 of 20')])
+def test_shares_of_records_that_are_taken_for_filtered(record, rate, records, fewest, most):
+    filtered = sum('high_passed' in characterized(record(seed=seed), rate)[1]
+                   for seed in range(records))
+    print(f'{record}: {filtered} of {records}')
+    assert fewest <= filtered <= most
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('time_s', 'hours', 'fewest'), [
-    (10.0, 1.0, 60), (60.0, 3.0, 55), (600.0, 1.0, 0)])
-def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, fewest):
+@pytest.mark.parametrize(('time_s', 'hours', 'walk', 'fewest'), [
+    (10.0, 1.0, 0.0, 60), missed(60.0, 1.0, 0.0, 27, of='16 of 60'),
+    missed(60.0, 1.0, 1e-6, 18, of='11 of 60, and K is bounded too low in 14'),
+    (60.0, 3.0, 0.0, 55), (600.0, 1.0, 0.0, 0)])
+def test_shares_of_filters_that_are_reported_beside_flicker(time_s, hours, walk, fewest):
     """And what becomes of the others: of sixty records each."""
-    found = [characterized(hour_without_bias(time_s, seed, hours), 10.0)[0] for seed in range(60)]
-    left = [axis.coefficients[B] for axis in found if axis.high_passed_hz is None]
+    found = [characterized(hour_without_bias(time_s, seed, hours, rate_random_walk=walk), 10.0)
+             for seed in range(60)]
+    left = [(axis, words) for axis, words in found if axis.high_passed_hz is None]
+    low, walks = (sum(ends(axis.coefficients[key])[1] < truth for axis, _ in left)
+                  for key, truth in ((B, 2.4e-5), (K, walk)))
+    print(f'{time_s:g} s, {hours:g} h, K {walk:g}: seen in {60 - len(left)} of 60; B below the '
+          f'truth in {low}, K in {walks}')
     assert 60 - len(left) >= fewest
-    assert sum(ends(one)[1] < GYRO[B] for one in left) <= 8
+    assert max(low, walks) <= 8
 
 
 @pytest.mark.parametrize(('gain', 'more'), [
@@ -161,7 +171,8 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
     rates = [unbiased(sensor(seed), 0.01, 20) for seed in (11, 12, 13)]
     accelerations = [sensor(seed)[:len(rates[0])] + gravity for seed, gravity in (
         (14, 0.0), (15, 0.0), (16, 9.80665))]
-    stream = streamed([messages(np.column_stack([*rates, *accelerations]), RATE_HZ)])
+    stream = Characterization(kind='recording', path='behind', topic='/imu/data')
+    stream.update(messages(np.column_stack([*rates, *accelerations]), RATE_HZ))
     behind = stream.result()
     assert type(behind).from_dict(behind.to_dict()) == behind
     assert behind.axes['accel_x'].high_passed_hz is None
