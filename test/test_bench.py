@@ -6,6 +6,8 @@ import json
 import os
 from pathlib import Path
 import re
+import subprocess
+import sys
 
 import accuracy
 import adapters
@@ -21,6 +23,7 @@ import pytest
 import recorded
 from scipy.fft import dct
 import simulated as records
+from test_packaging import environment, fresh_environment
 
 ROOT = Path(__file__).parents[1]
 SMALL = records.Case('white noise and a random walk', {recorded.N: 1e-4, recorded.K: 3e-5},
@@ -142,3 +145,20 @@ def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed(
     row = next(iter(figures['speed'].values()))
     figures['speed'] = dict.fromkeys(('100000', '1000000', '3000000'), row)
     assert '| tool | 100,000 | 1,000,000 | 3,000,000 |' in page.page(figures)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.version_info < (3, 11), reason='the pinned versions need Python 3.11')
+def test_a_fresh_environment_repeats_one_row_of_the_page(tmp_path):
+    peers = ROOT / 'bench' / 'peers'
+    python = environment(tmp_path / 'venv', '--requirement', str(peers / 'requirements.txt'),
+                         str(ROOT)) / 'python'
+    done = subprocess.run([str(python), str(peers / 'run.py'), '--row', 'b', 'wavelets'],
+                          check=True, capture_output=True, text=True, env=fresh_environment())
+    row = json.loads(done.stdout.partition('\n')[2])['coefficients']
+    figures = json.loads((peers / 'figures.json').read_text())['accuracy']['b']['tools']
+    expected = figures['wavelets']['coefficients']
+    assert row.keys() == expected.keys()
+    for key, scores in expected.items():
+        # Another kind of processor rounds what comes after.
+        assert row[key] == pytest.approx(scores, rel=1e-12)

@@ -3,12 +3,15 @@
 """The examples: the Allan variance study of the documentation, and a navigation filter."""
 
 import importlib.util
+from math import log, pi
 from pathlib import Path
 import sys
 
 import imu_allan
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.special import sici
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / 'docs' / 'allan_variance_study.md').read_text()
@@ -61,6 +64,24 @@ def test_the_page_shows_what_the_command_prints(study):
         # The flicker of one seed is not the same with every version of SciPy.
         low, high = (float(part) for part in expected[5].split(' … '))
         assert low < float(cells[4]) < high
+
+
+@pytest.mark.parametrize('x', [0.3, 1.0, 2.5])
+def test_erratum_17_the_cosine_integrals_stand_outside_the_product(x):
+    tau = x / pi
+    # Equation (8) by quadrature, of flicker up to 1 Hz.
+    expected = 4 * quad(lambda f: np.sin(pi * f * tau)**4 / (pi * f * tau)**2 / (2 * pi * f),
+                        0, 1, limit=2000)[0]
+
+    def ci(z):
+        return sici(z)[1]
+
+    corrected = 2 / pi * (log(2) - np.sin(x)**3 / (2 * x**2) * (np.sin(x) + 4 * x * np.cos(x))
+                          + ci(2 * x) - ci(4 * x))
+    printed = 2 / pi * (log(2) - np.sin(x)**3 / (2 * x**2) * (
+        np.sin(x) + 4 * x * np.cos(x) + ci(x) - ci(4 * x)))
+    assert corrected == pytest.approx(expected, rel=1e-7)
+    assert printed != pytest.approx(expected, rel=0.1)
 
 
 @pytest.mark.parametrize(('name', 'samples', 'rate', 'off', 'low', 'high'), [

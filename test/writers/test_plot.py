@@ -5,6 +5,7 @@ from math import degrees
 import xml.etree.ElementTree as ElementTree
 
 from exact_results import axis_result, with_axes
+import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline
 from imu_allan.writers import curves, plot
@@ -105,3 +106,14 @@ def test_drawing_needs_no_display_and_no_pyplot():
               'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
               'assert "matplotlib.pyplot" not in sys.modules')
     python('-c', script, check=True)
+
+
+def test_plot_gives_a_figure_of_a_result_or_one_axis_of_it(result):
+    assert imu_allan.plot(result).savefig
+    [panel] = imu_allan.plot(result.axes['accel_x']).axes
+    drawn = {height for line in panel.lines for height in line.get_ydata()}
+    assert {*result.axes['accel_x'].curve.adev} <= drawn
+    with pytest.raises(TypeError) as error:
+        imu_allan.plot(result.axes)
+    assert error.value.args == ('expected a result, such as imu_allan.analyze gives, or one of '
+                                'its axes, not dict',)
