@@ -152,7 +152,7 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
 
 def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None,
              recording: Recording | None = None) -> Result:
-    """Do the work of `analyze`; `recording` is given if it is open already, for several topics."""
+    """Do the work of `analyze`; `recording` is given if it is open already."""
     if isinstance(path, (str, PathLike)):
         # Taken first: if the file is written to meanwhile, it is another recording.
         files = files_digest(Path(path))
