@@ -32,10 +32,6 @@ REPEAT_S = 30.0
 PROGRESS_S = 60.0
 """Time between progress lines at first: about as often as a waiting user looks."""
 
-_SAID_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
-                             'clock_jumps'})
-"""Codes of findings that progress lines, or conditions of their own, report."""
-
 
 class Announcements:
     """Compares the current state with the previous one, and logs what has changed."""
@@ -143,9 +139,11 @@ class Announcements:
         self._found[source] = {found.code for found in findings}
         for code in self._said.keys() - set().union(*self._found.values()):
             self._log.info(f'no longer found: {title_of(self._said.pop(code))}')
+        # Progress lines, or conditions of their own, report these.
+        elsewhere = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate', 'clock_jumps'}
         for found in findings:
             # While the queue overruns, any other fault of the samples may be caused by that.
-            if (not self._overrun and found.code not in self._said.keys() | _SAID_ELSEWHERE
+            if (not self._overrun and found.code not in self._said.keys() | elsewhere
                     and self._log.warning(message_of(found, live=True),
                                           f'{found.code} {self._topic}', REPEAT_S)):
                 self._said[found.code] = found

@@ -28,8 +28,6 @@ import numpy as np
 VERSION = 7
 """Version of the layout, raised when other versions of the program would misread the file."""
 _NAME = b'imu_allan.state/'
-_LARGEST_BYTES = 64_000_000
-"""A state has some megabytes; a larger file is no state and is not read into memory."""
 
 
 class UnusableState(Exception):
@@ -141,14 +139,16 @@ class StateFile:
 
     def load(self) -> State | None:
         """Read the last saved state; return None if there is no file."""
+        # A state has some megabytes; a larger file is no state and is not read into memory.
+        largest = 64_000_000
         try:
             with _open_plain(self.path, os.O_RDONLY) as file:
-                data = file.read(_LARGEST_BYTES + 1)
+                data = file.read(largest + 1)
         except FileNotFoundError:
             return None
         except OSError as error:
             raise UnusableState('unreadable', f'it cannot be read ({error.strerror})') from error
-        if len(data) > _LARGEST_BYTES:
+        if len(data) > largest:
             raise UnusableState('foreign', 'it is too large for a state file of imu_allan')
         return decode_state(data)
 

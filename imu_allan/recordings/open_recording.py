@@ -16,13 +16,6 @@ from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 
-_FORMATS = (
-    (b'\x89MCAP', 'mcap_file', 'McapRecording'),
-    (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
-    (b'#ROSBAG V', 'ros1_bag', 'Ros1Recording'),
-    (b'ULog\x01\x12\x35', 'px4_ulog', 'UlogRecording'),
-    (b'\xa3\x95\x80', 'ardupilot_log', 'ArduPilotRecording'))
-"""First bytes of a format, and the class that reads it; its libraries are imported only then."""
 _RESULTS = ('result.json', 'fleet.json')
 
 
@@ -215,8 +208,14 @@ def read_head(path: Path) -> bytes:
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
     """Open a file by its first bytes; `stored` is the unpacked file if `path` is compressed."""
     head = read_head(stored)
-    for first_bytes, module, name in _FORMATS:
+    for first_bytes, module, name in (
+            (b'\x89MCAP', 'mcap_file', 'McapRecording'),
+            (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
+            (b'#ROSBAG V', 'ros1_bag', 'Ros1Recording'),
+            (b'ULog\x01\x12\x35', 'px4_ulog', 'UlogRecording'),
+            (b'\xa3\x95\x80', 'ardupilot_log', 'ArduPilotRecording')):
         if head.startswith(first_bytes):
+            # The libraries of a format are imported only if it is read.
             kind = getattr(import_module(f'imu_allan.recordings.formats.{module}'), name)
             recording: Recording = kind(path, stored, options)
             return recording

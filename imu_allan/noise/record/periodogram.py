@@ -47,8 +47,6 @@ _MAX_STAGES = 4
 """The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long."""
 HIGHEST_OF_MEANS = 0.25
 """Highest frequency used of means, relative to their rate: aliasing grows towards half of it."""
-_LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
-"""Block lengths, from the longest to the shortest."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,8 @@ class Stage(MultiAxis):
         """
         added = []
         start = 0
-        for length in _LENGTHS:
+        for octave in range((BLOCK // SHORTEST).bit_length()):
+            length = BLOCK >> octave
             count = (rows.shape[1] - start) // length
             if not count:
                 continue

@@ -25,8 +25,6 @@ import numpy as np
 OVERLAP_OCTAVE = 3
 """8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
 OVERLAP = 2**OVERLAP_OCTAVE    # positions of a cluster within its own length
-_TAIL = 2 * OVERLAP - 1
-"""Number of previous samples that the next differences need."""
 _MAX_STAGES = 48
 """2**48 samples, 8,900 years at 1 kHz. Limits what a state file may declare."""
 
@@ -73,7 +71,8 @@ class Pyramid(MultiAxis):
         room = self._work
         window = room[2][:, :known + n]
         window[:, :known], window[:, known:] = self.newest, rows
-        self.newest = window[:, -_TAIL:].copy()
+        # As many previous samples as the next differences need.
+        self.newest = window[:, 1 - 2 * OVERLAP:].copy()
         for octave in range(OVERLAP_OCTAVE):
             m = 2**octave
             # Only differences that end at a new sample have not been counted yet.

@@ -44,8 +44,6 @@ from imu_allan.wording import NO_TOPIC, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
-_LOOKED_AT = 1 << 16
-"""Bytes of samples in which to look for decimal commas; the first numbers may all be zero."""
 _LONGEST_LINE = 1 << 20
 """Bytes for 30,000 columns with names of 30 characters: all topics of a robot in one export."""
 _FIRST_LINES = 64
@@ -202,7 +200,8 @@ class CsvRecording(FileRecording):
         with self._stored.open('rb') as file:
             header, has_mark = self._found_header(file)
             behind = file.tell()
-            after = file.read(_LOOKED_AT) + file.readline(_LONGEST_LINE)
+            # Enough to see decimal commas, as the first numbers may all be zero.
+            after = file.read(1 << 16) + file.readline(_LONGEST_LINE)
         delimiter, names = cells_of(header)
         text = _decoded(after)
         self._decimal_comma = (delimiter != ',' and

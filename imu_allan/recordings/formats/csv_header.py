@@ -25,24 +25,23 @@ EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
 
-_SENSORS = {
-    'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
-            r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
-            r'|drehrate|winkelgeschwindigkeit',
-    'accel': r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
-             r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc|a_rs_s'
-             r'|g_?f(?:orce)?|accel_ln|beschleunigung'}
-_SECOND_CHOICE = {
-    'gyro': r'un_?comp_?(?:ang_?rate|gyro)',
-    'accel': r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr'}
-_SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])')
-"""These are taken if no column has one of the above: gravity may be removed, or noise higher."""
-_OF = r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
-"""Prefix of a name: the path to it, or the device it belongs to."""
+# Before the words may stand the path to a name, or the device it belongs to.
 _AXES = [(sensor, choice, re.compile(
-    rf'{_OF}(?:(?:{words})[/._-]{{0,2}}(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
+    r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
+    rf'(?:(?:{words})[/._-]{{0,2}}(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
     rf'|(?P<first>[xyz])[._-](?:{words}))'))
-    for choice, names in enumerate((_SENSORS, _SECOND_CHOICE)) for sensor, words in names.items()]
+    for sensor, choice, words in (
+        ('gyro', 0, r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
+                    r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
+                    r'|drehrate|winkelgeschwindigkeit'),
+        ('accel', 0, r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
+                     r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc'
+                     r'|a_rs_s|g_?f(?:orce)?|accel_ln|beschleunigung'),
+        # These are taken if no column has one of the above: gravity may be removed, or noise
+        # higher.
+        ('gyro', 1, r'un_?comp_?(?:ang_?rate|gyro)'),
+        ('accel', 1, r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr'))]
+"""Words that name the axes of a sensor, with 0 for those preferred."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -59,15 +58,9 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the
 day. The T of an autopilot is a temperature."""
-_UNIT_OF_CLOCK = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
-                  'timestartup': 'ns'}
-"""Units that names imply: ``rostopic echo -p``, Arduino's clocks, VectorNav."""
 _OF_SHIMMER = re.compile(r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal')
 """Calibrated values, behind the name that the user gave the device."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
-_REST_OF_IMU = re.compile(
-    r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
-    r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
 
 
 class NamesNoAxis(ImuAllanError):
@@ -342,7 +335,8 @@ def _choice(name: str, unit: str | None) -> tuple[int, str | None]:
         lower = with_unit[1]
     elif (of_shimmer := _OF_SHIMMER.fullmatch(lower)) is not None:
         lower = of_shimmer[1]
-    if (short := _SHORT.fullmatch(lower)) is not None:
+    if (short := re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])', lower)
+            ) is not None:
         return 1, f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
     for sensor, choice, pattern in _AXES:
         if (match := pattern.fullmatch(lower)) is not None:
@@ -382,7 +376,10 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 
 def is_rest_of_imu(cell: str) -> bool:
     """Return whether a column is another field of an Imu: header, orientation or covariance."""
-    return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
+    return re.fullmatch(
+        r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
+        r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)',
+        name_and_unit(cell)[0].lower()) is not None
 
 
 def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
@@ -397,10 +394,13 @@ def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
 def _clock_named(name: str) -> tuple[int, str | None] | None:
     """Return rank, 0 for the best, and unit of the name of a time; None if it is not a time."""
     lower = _OF_SHIMMER.sub(r'\1', name.lower())
+    # Units that names imply: `rostopic echo -p`, Arduino's clocks, VectorNav.
+    implied = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
+               'timestartup': 'ns'}
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(lower)) is not None:
             in_name = next((unit for unit in match.groups() if unit), None)
-            return rank, _UNIT_OF_CLOCK.get(lower, in_name)
+            return rank, implied.get(lower, in_name)
     return None
 
 

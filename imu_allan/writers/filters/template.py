@@ -44,7 +44,6 @@ _NUMBER = re.compile(
     r'\{(?P<sensor>gyro|accel)(?:_(?P<letter>[xyz]))? (?P<key>N|K|sigma|Tc|mean)(?P<scaling>.*?)'
     r'(?: in (?P<unit>\S+?))?(?: (?P<layout>of x, y, z|on the diagonal|times identity))?'
     r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
-_WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
 UNITS: dict[tuple[Sensor, Key], str] = {
     ('gyro', 'N'): 'rad/s/sqrt(Hz)', ('gyro', 'K'): 'rad/s^2/sqrt(Hz)',
     ('accel', 'N'): 'm/s^2/sqrt(Hz)', ('accel', 'K'): 'm/s^3/sqrt(Hz)',
@@ -96,7 +95,7 @@ def expanded(numbers: Numbers, paragraph: str) -> str | None:
 
 def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
     """Fill in a line without a number; return None if its field is unknown."""
-    word = _WORD.search(line) if '{' in line else None
+    word = re.search(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}', line)
     if word is None:
         return [line]
     before, after = line[:word.start()], line[word.end():]

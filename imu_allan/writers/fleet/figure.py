@@ -26,12 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-_MARKERS = 'os^Dv*P'
-_MOST_CURVES = 200
-"""Most grey curves to draw; more are indistinguishable and enlarge a vector file."""
-_WIDTH = 11.0
-"""Width in inches, chosen so that text of 8 points is 11 pixels high on the page."""
-
 
 def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
     """Draw the Allan deviations of a fleet or of results to compare, one panel per axis."""
@@ -43,7 +37,8 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
     rows = max(1, len({name.partition('_')[0] for name in drawn}))
     height = 0.9 + 3.7 * rows
     with plot_style():
-        figure = empty_figure(_WIDTH, height)
+        # In this width, text of 8 points is 11 pixels high on the page.
+        figure = empty_figure(11.0, height)
         grid = figure.add_gridspec(rows, 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
                                    bottom=0.55 / height, top=1 - 1.15 / height)
         figure.text(0.02, 1 - 0.25 / height,
@@ -60,7 +55,7 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
                 _draw_population(panel, [axis for unit, axis in axes.items()
                                          if unit not in fleet.population.outlier_units])
             for place, (unit, colour) in enumerate(colours.items()):
-                look = _MARKERS[place], [*DASHES.values()][place % len(DASHES)]
+                look = 'os^Dv*P'[place], [*DASHES.values()][place % len(DASHES)]
                 if unit in axes:
                     draw_curve(panel, axes[unit], colour, look[0], dashes=look[1])
                     [named[unit]] = panel.plot([], [], color=colour, marker=look[0],
@@ -76,7 +71,8 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
 def _draw_population(panel: 'Axes', axes: Sequence[AxisResult]) -> None:
     """Draw the curves of an axis in grey, their median, and the band of nine in ten."""
     usual = [axis.curve for axis in axes if any(axis.curve.adev)]
-    step = max(1, len(usual) // _MOST_CURVES)
+    # More than some 200 grey curves are indistinguishable and enlarge a vector file.
+    step = max(1, len(usual) // 200)
     for curve in usual[::step]:
         panel.plot(curve.tau_s, curve.adev, color=COLOURS['gap'], linewidth=0.6, alpha=0.45,
                    zorder=2)
