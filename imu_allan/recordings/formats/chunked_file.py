@@ -227,10 +227,12 @@ class MessageNumbers:
             if batch.numbers is not None and batch.numbers[-1]:
                 numbers = np.concatenate((self._last, batch.numbers.astype(np.int64)))
                 step = np.diff(numbers)
+                ones = int(np.count_nonzero(step == 1))
                 self._steps += len(step)
-                self._ones += int(np.count_nonzero(step == 1))
-                self._back += int(np.count_nonzero(step <= 0))
-                self._skipped += int(np.maximum(step - 1, 0).sum())
+                self._ones += ones
+                if ones < len(step):
+                    self._back += int(np.count_nonzero(step <= 0))
+                    self._skipped += int(np.maximum(step - 1, 0).sum())
                 self._last = numbers[-1:]
             yield batch
 

@@ -64,7 +64,7 @@ def gather(
             # Two probes are cheap; comparing a whole run is not.
             run = (buffer[at + stride:at + stride + _KEY] == key
                    and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
-            count = equal_records(buffer, at, stride, [(0, _KEY)]) if run else 1
+            count = equal_records(buffer, at, stride) if run else 1
             if not run and index is not None:
                 steps_left -= 1
                 if steps_left == 0:
@@ -108,14 +108,17 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
     yield held
 
 
-def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int, int]]) -> int:
-    """Count records from `at` on, spaced by `stride`, that agree in the bytes of `spans`."""
+def equal_records(buffer: bytes, at: int, stride: int) -> int:
+    """Count records from `at` on, spaced by `stride`, of equal opcode, length and channel."""
     most = (len(buffer) - at) // stride
-    count, more = 1, 64
+    end = at + (most - 1) * stride
+    # If the last one is equal, most likely all are.
+    count, more = 1, most if buffer[end:end + _KEY] == buffer[at:at + _KEY] else 64
     while count < most:
         more = min(more, most - count)
         last = at + (count - 1) * stride
-        like = rows_like_first(np.ndarray((more + 1, stride), np.uint8, buffer, last), spans)
+        rows = np.ndarray((more + 1, stride), np.uint8, buffer, last)
+        like = rows_like_first(rows, [(0, _KEY)])
         if like is not None:
             return count - 1 + int(np.argmin(like))
         count += more
