@@ -218,7 +218,11 @@ def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[
 
 
 def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
-    """Return sizes and standard errors of all regressors in draws of a model, and the weights."""
+    """
+    Return sizes and standard errors of all regressors in draws of a model, and the weights.
+
+    The ramp is the first, the trends of the model are the last.
+    """
     # The 32 draws of the largest weight are enough.
     most = np.argsort(-model.share, kind='stable')[:32]
     rows = model.row.take(np.zeros(len(most), np.int64))
@@ -276,14 +280,15 @@ def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
             if one.kind.key in known or weight[one.kind.key] <= REPORTED:
                 continue
             size, error, share = _regressed(model)
-            first = size.shape[1] - sum(each.width for each in model.trends[number:])
+            # Of the regressors, the trends are the last.
+            left = sum(each.width for each in model.trends[number:])
             columns = tuple((float(share @ size[:, k]), float(np.sqrt(
                 share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
-                for k in range(first, first + one.width))
+                for k in range(-left, one.width - left))
             if record is not None:
                 _, beside = _with_nuisances(model, record)
                 columns = tuple((value, max(within, float(whole))) for (value, within), whole
-                                in zip(columns, beside[first:], strict=False))
+                                in zip(columns, beside[-left:], strict=False))
             low, high = one.interval
             found.append(ReportedTrend(one.kind, one.value, low, high, columns))
     return tuple(found)
@@ -293,7 +298,7 @@ def _with_nuisances(model: Drawn, record: RecordSpectrum) -> tuple[Array, Array]
     """Return sizes and standard errors of all regressors, beside nuisances that are not known."""
     slopes = [slope for one in model.trends
               for slope in one.kind.slopes(one.value, record.duration_s)]
-    groups = record.groups(*waveforms(model.trends, record.duration_s), *slopes)
+    groups = record.groups(*slopes, *waveforms(model.trends, record.duration_s))
     row = replace(model.row, of=np.zeros(1, np.int64))
     spectra = model.spectra.with_regressors([groups], [int(model.row.of[0])])
     _, _, size, covariance = fitted_mean(spectra, row, row.x)
@@ -324,7 +329,8 @@ def moving_mean(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform,
     size, _, share = _regressed(best)
     noise = np.exp(np.interp(np.log(record.bins.frequency), np.log(best.spectra.frequency),
                              np.log(expected(best)[0])))
-    return record.with_trends(trends).mean(share @ size), noise
+    sizes, own = share @ size, record.with_trends(trends)
+    return own.mean(np.append(sizes[0], sizes[-len(own.trends):])), noise
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:

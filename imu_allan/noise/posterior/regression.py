@@ -27,11 +27,16 @@ RIDGE = 1e-10
 
 def regressors(groups: Sequence[Groups]) -> Array:
     """Return products with the regressors of each record, shape (spectra, products, groups)."""
+    most = max(one.along.shape[1] for one in groups if one.along is not None)
     found = []
     for one in groups:
         assert one.along is not None
         assert one.among is not None
-        products = np.concatenate((one.along, one.among.reshape(len(one.dof), -1)), axis=1).T
+        # Behind the ramp, the first, those with fewer regressors have some that are zero.
+        missing = np.ones(most - one.along.shape[1], dtype=np.int64)
+        along = np.insert(one.along, missing, 0.0, axis=1)
+        among = np.insert(np.insert(one.among, missing, 0.0, axis=1), missing, 0.0, axis=2)
+        products = np.concatenate((along, among.reshape(len(one.dof), -1)), axis=1).T
         own = np.ones((1, 1), dtype=bool) if one.record is None else (
             one.record == np.arange(one.records)[:, None])
         found.append((own[:, None] * products).reshape(-1, len(one.dof)))
@@ -52,22 +57,28 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
     """
     found = np.matmul(products, weight[:, :, None]).reshape(len(weight), records, -1)
     count = int(np.sqrt(found.shape[2]))
-    target = found[:, :, :count]
-    gram = found[:, :, count:].reshape(*target.shape, count)
-    if count == 1:
-        single = np.where(gram[..., 0] > 0, gram[..., 0], 1.0)
-        gain = 0.5 * (target * (target / single) - np.log(single)).sum(axis=(1, 2))
-        return gain, target / single, (1 / single)[..., None]
-    norm = np.einsum('...ii->...i', gram)
-    scale = np.sqrt(np.where(norm > 0, norm, 1.0))
+    # One contiguous array per element of the matrix [[A, b], [b', 0]].
+    found = np.ascontiguousarray(found.transpose(2, 0, 1))
+    table = np.zeros((count + 1, count + 1, *found.shape[1:]))
+    table[:count, :count] = found[count:].reshape(count, count, *found.shape[1:])
+    table[:count, count] = table[count, :count] = found[:count]
+    norm = table[range(count), range(count)]
     # The ridge removes regressors that are zero in all groups, or nothing but rounding error.
-    ridge = np.where(norm > 0, RIDGE, 1.0)[..., None] * np.eye(count)
-    unit = gram / (scale[..., :, None] * scale[..., None, :]) + ridge
-    covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
-    size = np.einsum('...ij,...j->...i', covariance, target)
-    gain = 0.5 * np.einsum('mri,mri->m', target, size) - 0.5 * (
-        np.linalg.slogdet(unit)[1] + 2 * np.log(scale).sum(axis=-1)).sum(axis=-1)
-    return gain, size, covariance
+    ridge = np.where(norm > 0, RIDGE * norm, 1.0)
+    log_det = 0.0
+    # Eliminating A leaves A^-1 in its place, A^-1 b beside it, and -b'A^-1 b in the corner.
+    for k in range(count):
+        pivot = table[k, k] + ridge[k]
+        log_det = log_det + np.log(pivot).sum(axis=1)
+        row = table[k] / pivot
+        row[k] = 1 / pivot
+        column = table[:, k].copy()
+        table[:, k] = 0.0
+        table -= column[:, None] * row
+        table[k] = row
+    gain = -0.5 * (table[count, count].sum(axis=1) + log_det)
+    return (gain, table[:count, count].transpose(1, 2, 0),
+            table[:count, :count].transpose(2, 3, 0, 1))
 
 
 def residual_power(power: Array, products: Array, size: Array, covariance: Array) -> Array:

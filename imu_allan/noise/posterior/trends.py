@@ -404,31 +404,30 @@ Candidate = tuple[_Search, tuple[Found, ...]]
 
 
 def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> list[tuple[_Search, TrendSet]]:
-    """Fit the noise models with their candidates, in one batch per number of columns."""
-    widths = [sum(one.width for one in found) for _, found in candidates]
+    """Fit the noise models with their candidates, in one batch."""
+    if not candidates:
+        return []
+    tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
+                         for number, (search, _) in enumerate(candidates)])
+    # Half a nat is close enough to locate the trend.
+    beside, rows = _climbed(spectra, candidates, tried, 0.5)
+    # At first, a strong trend passes for noise: refine it after both are fitted together.
+    candidates = [_nearer(candidate, beside, of_axis(rows, number))
+                  for number, candidate in enumerate(candidates)]
+    beside, rows = _climbed(spectra, candidates, rows)
+    sizes = fitted_mean(beside, rows, rows.x)[2][:, 0]
     fitted = []
-    for width in sorted(set(widths)):
-        same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
-        tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
-                             for number, (search, _) in enumerate(same)])
-        # Half a nat is close enough to locate the trend.
-        beside, rows = _climbed(spectra, same, tried, 0.5)
-        # At first, a strong trend passes for noise: refine it after both are fitted together.
-        same = [_nearer(candidate, beside, of_axis(rows, number))
-                for number, candidate in enumerate(same)]
-        beside, rows = _climbed(spectra, same, rows)
-        sizes = _sizes(beside, rows, width)
-        for number, (search, found) in enumerate(same):
-            here = np.flatnonzero(rows.of == number)
-            own, occam = rows.take(here), _occam(sizes[here], found)
-            fitted.append((search, TrendSet(found, beside, replace(
-                own, evidence=own.evidence + occam, prior=own.prior + occam))))
+    for number, (search, found) in enumerate(candidates):
+        here = np.flatnonzero(rows.of == number)
+        own, occam = rows.take(here), _occam(sizes[here], found)
+        fitted.append((search, TrendSet(found, beside, replace(
+            own, evidence=own.evidence + occam, prior=own.prior + occam))))
     return fitted
 
 
 def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
              ) -> tuple[Spectra, Rows]:
-    """Fit rows with candidates of equal column count; `of` of a row is the candidate's index."""
+    """Fit rows with their candidates; `of` of a row is the candidate's index."""
     groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
               for search, found in same]
     beside = spectra.with_regressors(groups, [search.axis for search, _ in same])
@@ -499,15 +498,14 @@ def expected_powers(spectra: Spectra, rows: Rows) -> Array:
     return found
 
 
-def _sizes(spectra: Spectra, rows: Rows, width: int) -> Array:
-    """Return the fitted sizes of the last regressors, shape (rows, width)."""
-    size = fitted_mean(spectra, rows, rows.x)[2]
-    return size[:, 0, size.shape[2] - width:]
-
-
 def _occam(sizes: Array, found: Sequence[Found]) -> Array:
-    """Return the log priors of the trends relative to the flat prior of the regression."""
-    total, at = np.full(len(sizes), sum(one.share for one in found)), 0
+    """
+    Return the log priors of the trends relative to the flat prior of the regression.
+
+    `sizes`, shape (rows, regressors): of the trends the last.
+    """
+    total = np.full(len(sizes), sum(one.share for one in found))
+    at = sizes.shape[1] - sum(one.width for one in found)
     for one in found:
         square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
         if one.kind.key == 'slow_cycle':
