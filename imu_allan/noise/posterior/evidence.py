@@ -61,10 +61,6 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
     loss, gradient, information = losses(spectra, rows, x)
     damping, live = np.full(count, 1e-3), np.arange(count)
     other = np.ones(count, dtype=bool)
-    # Just outside its range, the gradient of a nuisance shows whether the maximum is farther out.
-    own = rows.has[:, NUISANCES]
-    first, last = (np.where(own, end + 0.01 * side, side * np.inf)
-                   for end, side in zip(spectra.tables.ranges(rows.family), (-1, 1), strict=True))
     # The corner of a high-pass needs that many; what creeps on approaches the end of a range.
     for step in range(16):
         damped = information[live].copy()
@@ -78,7 +74,6 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
         promised = -0.5 * np.einsum('ri,ri->r', move, gradient[live])
         move /= np.maximum(1, np.max(np.abs(move) / _LONGEST, axis=1))[:, None]
         there = x[live] + move
-        there[:, NUISANCES] = np.clip(there[:, NUISANCES], first[live], last[live])
         some = rows.take(live)
         new, slope, bend = losses(spectra, some, there)
         good = new <= loss[live] + 1e-9
@@ -89,6 +84,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
         damping[live] = np.where(good, damping[live] / 6, np.maximum(damping[live], 1e-2) * 8)
         other &= ~_merged(kind, rows.has, x, loss, information)
         if held:
+            own = rows.has[:, NUISANCES]
             other &= _leading(kind, x[:, NUISANCES] * own, loss, gradient[:, NUISANCES] * own)
         going = other[live]
         if not held:
