@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator,
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from heapq import merge
-from itertools import repeat
+from itertools import combinations, repeat
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -150,26 +150,25 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
     return analyzed(path, Choice(topic, options, reading, start_s, duration_s), progress)
 
 
-def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None,
-             recording: Recording | None = None) -> Result:
-    """Do the work of `analyze`; `recording` is given if it is open already."""
+def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None
+             ) -> Result:
+    """Do the work of `analyze`."""
+    files = None
     if isinstance(path, (str, PathLike)):
         # Taken first: if the file is written to meanwhile, it is another recording.
         files = files_digest(Path(path))
-        result = _alone(path, choice, progress, recording)
+        result = _alone(path, choice, progress)
     else:
-        files = None
         result = _together(path, choice, progress)
     from imu_allan.writers.words import with_words
     return with_words(replace(result, source=replace(
         result.source, options=choice.said(), files=files)))
 
 
-def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
-           ) -> Result:
+def _alone(path: AnyPath, choice: Choice, progress: Progress) -> Result:
     """Return the result of one recording."""
-    with choice.opened(path) if recording is None else recording.for_another_topic() as opened:
-        taken = _taken(opened, choice, progress)
+    with choice.opened(path) as recording:
+        taken = _taken(recording, choice, progress)
     results = []
     for one in taken:
         result = one.characterization.result(one.remarks())
@@ -186,10 +185,9 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
     """Return the joint result of several recordings, for each half of the IMU if it has two."""
     from imu_allan.characterization.joint import joint_result
 
-    for number, path in enumerate(paths):
-        for other in paths[:number]:
-            if Path(path).resolve() == Path(other).resolve():
-                raise same_messages_error(other, path)
+    for other, path in combinations(paths, 2):
+        if Path(path).resolve() == Path(other).resolve():
+            raise same_messages_error(other, path)
     recordings: list[list[Taken]] = []
     fingerprints: list[Fingerprint] = []
     before = 0

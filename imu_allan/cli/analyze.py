@@ -9,13 +9,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.fleet import (
-    error_of,
-    FleetResults,
-    in_one_line,
-    raise_last,
-    without_coefficient,
-)
+from imu_allan.cli.fleet import FleetResults, in_one_line, raise_last
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import (
     add_recording_options,
@@ -95,24 +89,24 @@ def run(args: argparse.Namespace) -> int:
     of_one = ('--json' if args.json is not None
               else '--for' if args.consumers and args.output is None else None)
     _require_right_usage(args, apart, of_one)
+    output = None if args.output is None else Path(args.output)
     if args.dask is None:
         # The workers of a cluster may see another disk.
-        if args.output is not None:
-            require_writable(args.output)
+        if output is not None:
+            require_writable(output)
         if args.json is not None and not Path(args.json).exists():
             require_writable(Path(args.json).parent)
-    complaints: list[ImuAllanError] = []
-    gathering = FleetResults(None if args.output is None else Path(args.output), apart=apart)
-    tasks = _tasks(args, choice, complaints, gathering)
+    gathering = FleetResults(output, apart=apart)
+    tasks = _tasks(args, choice, output, gathering)
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             f'{of_one}; choose one with --topic or use --output DIR')
-    if args.output is not None and args.dask is None:
+    if output is not None and args.dask is None:
         from imu_allan.writers.atomic import require_replaceable_in
         from imu_allan.writers.folder import kinds_of_files
 
         for task in tasks:
-            require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
+            require_replaceable_in(task.folder or output, kinds_of_files(task.exports))
     shown = 0
     label = tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings'
     with progress_bar(label, sum(task.size_bytes for task in tasks),
@@ -125,8 +119,7 @@ def run(args: argparse.Namespace) -> int:
                 raise_if_interrupted()
                 if not apart and not isinstance(error, ImuAllanError):
                     raise
-                complaints.append(error_of(error, task.path))
-                gathering.fail(task.unit, task.path, complaints[-1])
+                gathering.fail(task.unit, task.path, error)
                 continue
             gathering.add(task, result)
             with progress.aside():
@@ -134,25 +127,28 @@ def run(args: argparse.Namespace) -> int:
                 _hand_out(task, result, args, first=not shown, brief=apart or len(tasks) > 7)
             shown += 1
             if unsaved is not None:
-                complaints.append(unsaved)
+                gathering.complaints.append(unsaved)
             elif task.folder is not None and len(tasks) == 1:
                 from imu_allan.writers.folder import kinds_of_files
                 from imu_allan.writers.terminal import print_wrapped
 
                 print_wrapped(f'Written to {printable(str(task.folder))}: '
                               f'{", ".join(kinds_of_files(task.exports))}')
-            topic = task.choice.topic
-            source = task.path if not args.all_topics or topic is None else (
-                f'{task.path}, topic {shorten(topic)}')
-            if (nothing := without_coefficient(result, source)) is not None:
-                complaints.append(nothing)
+            from imu_allan.fleet.population import shows_anything
+            from imu_allan.writers.verdict import verdict_lines
+
+            if not shows_anything(result):
+                topic = task.choice.topic if args.all_topics else None
+                where = task.path if topic is None else f'{task.path}, topic {shorten(topic)}'
+                gathering.complaints.append(ImuAllanError(
+                    f'{where}: no coefficient. {" ".join(verdict_lines(result))}'))
     try:
         gathering.finish()
     except ImuAllanError as error:
-        complaints.append(error)
+        gathering.complaints.append(error)
     if shown and args.output is args.json is None and not args.consumers:
         print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
-    raise_last(complaints)
+    raise_last(gathering.complaints)
     return 0
 
 
@@ -166,9 +162,9 @@ def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | No
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
 
 
-def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
+def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
            gathering: FleetResults) -> list[Task]:
-    """Return the tasks; add errors of recordings that cannot be opened to `complaints`."""
+    """Return the tasks; recordings that cannot be opened have failed."""
     from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording
 
@@ -182,22 +178,18 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllan
                     topic.name for topic in recording.topics] or [None]
                 found.extend((path, topic, recording.size_bytes) for topic in topics)
         except ImuAllanError as error:
-            complaints.append(error)
+            if args.together:
+                # A joint result must not leave out a recording silently.
+                raise
             gathering.fail(units[path], path, error)
-    output = None if args.output is None else Path(args.output)
-    inspection = arguments.inspection_of(args)
+    of_all = arguments.inspection_of(args), tuple(args.consumers)
     if args.together:
-        if complaints:
-            raise complaints[0]
-        # A joint result must not leave out a recording silently.
-        return [Task(' + '.join(args.recordings), choice, sum(size for _, _, size in found),
-                     output, 'together', inspection, tuple(args.consumers),
-                     tuple(args.recordings))]
+        return [Task(tuple(args.recordings), choice, sum(size for _, _, size in found), output,
+                     'together', *of_all)]
     names = folder_names([(units[path], topic) for path, topic, _ in found])
     alone = len(found) == 1 == len(units)
-    return [Task(path, replace(choice, topic=topic), size,
-                 output if output is None or alone else output / name, name, inspection,
-                 tuple(args.consumers))
+    return [Task((path,), replace(choice, topic=topic), size,
+                 output if output is None or alone else output / name, name, *of_all)
             for (path, topic, size), name in zip(found, names, strict=True)]
 
 

@@ -10,7 +10,6 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli import arguments
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
-from imu_allan.cli.tasks import loaded_or_analyzed
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import CERTIFICATE, JUNIT, VERDICTS
 
@@ -82,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     if args.live:
         result, verdicts = _live(source, args, choice, specification)
     else:
-        result = loaded_or_analyzed(source, choice, progress=not args.no_progress)
+        result = _result_of(source, args, choice)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
     if (unit := arguments.inspection_of(args)) is not None:
         # Entries that are not given stay as they were.
@@ -113,6 +112,19 @@ def run(args: argparse.Namespace) -> int:
     if outcome == 'fail':
         return 3
     return 4 if outcome == 'cannot tell' and not args.allow_undecided else 0
+
+
+def _result_of(source: str, args: argparse.Namespace, choice: 'Choice') -> 'Result':
+    """Return the result in a file, or that of a recording."""
+    from imu_allan.analysis import analyzed
+    from imu_allan.writers.result_file import is_result, load_result
+
+    if is_result(source):
+        return load_result(source)
+    with choice.opened(source) as recording:
+        size_bytes = recording.size_bytes
+    with progress_bar(source, size_bytes, wanted=not args.no_progress) as bar:
+        return analyzed(source, choice, bar)
 
 
 def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'

@@ -20,6 +20,7 @@ class FleetResults:
     """Collects the results of many recordings, without the parts that a fleet does not need."""
 
     def __init__(self, output: Path | None, *, apart: bool = False) -> None:
+        self.complaints: list[ImuAllanError] = []
         self._output = output
         # Results of topics alone are not kept: those of 65,000 would take 2.5 GB.
         self._wanted = apart or output is not None
@@ -37,7 +38,8 @@ class FleetResults:
         if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
             from imu_allan.analysis import same_messages_error
 
-            self.fail(task.unit, task.path, same_messages_error(other, task.unit))
+            self._failures.append((task.unit, task.path,
+                                   str(same_messages_error(other, task.unit))))
             return
         # Signal and spectrum are most of a result; those of a thousand would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
@@ -45,7 +47,13 @@ class FleetResults:
         self._results[task.unit] = replace(result, axes=axes)
 
     def fail(self, unit: str, path: str, error: BaseException) -> None:
-        """Add a recording that has failed."""
+        """Add a recording that has failed; print the traceback of an unexpected error."""
+        if not isinstance(error, ImuAllanError):
+            traceback.print_exception(error)
+            sys.stderr.flush()
+            error = ImuAllanError(f'{path}: an unexpected {type(error).__name__} ({error}); '
+                                  'the traceback above shows a bug, please report it')
+        self.complaints.append(error)
         if self._wanted:
             self._failures.append((unit, path, str(error)))
 
@@ -72,25 +80,19 @@ def in_one_line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
     from imu_allan.verdict import verdicts
-    from imu_allan.wording import duration, number, SENSORS
+    from imu_allan.wording import duration, number
     from imu_allan.writers.verdict import findings_line, VERDICT_TEXT
 
-    parts, found_verdicts = [duration(result.timeline.duration_s)], verdicts(result)
-    for sensor in SENSORS:
-        found = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
-                 if name.startswith(sensor)]
-        values = [c.value for c in found if c.value is not None]
-        if not found:
-            continue
-        verdict = found_verdicts[sensor].verdict
-        said = '' if verdict == 'good' else VERDICT_TEXT[verdict]
-        if values:
-            worst, shown_unit = engineering(max(values), found[0].unit)
-            parts.append(f'{sensor} N {number(worst)} {shown_unit}{said and f" ({said})"}')
-        else:
-            parts.append(f'{sensor} {said}')
-    if findings := findings_line(result):
-        parts.append(findings)
+    parts = [duration(result.timeline.duration_s)]
+    for sensor, found in verdicts(result).items():
+        densities = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
+                     if name.startswith(sensor)]
+        said = '' if found.verdict == 'good' else VERDICT_TEXT[found.verdict]
+        if values := [density.value for density in densities if density.value is not None]:
+            worst, shown_unit = engineering(max(values), densities[0].unit)
+            said = f'N {number(worst)} {shown_unit}{said and f" ({said})"}'
+        parts.append(f'{sensor} {said}')
+    parts += filter(None, [findings_line(result)])
     return f'{printable(unit)}: {", ".join(parts)}'
 
 
@@ -101,23 +103,3 @@ def raise_last(complaints: Sequence[ImuAllanError]) -> None:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if complaints:
         raise complaints[-1]
-
-
-def error_of(error: BaseException, path: str) -> ImuAllanError:
-    """Return the error of one recording of several; print the traceback of an unexpected one."""
-    if isinstance(error, ImuAllanError):
-        return error
-    traceback.print_exception(error)
-    sys.stderr.flush()
-    return ImuAllanError(f'{path}: an unexpected {type(error).__name__} ({error}); '
-                         'the traceback above shows a bug, please report it')
-
-
-def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
-    """Return the error about a recording in which no axis shows any coefficient."""
-    from imu_allan.fleet.population import shows_anything
-    from imu_allan.writers.verdict import verdict_lines
-
-    if shows_anything(result):
-        return None
-    return ImuAllanError(f'{path}: no coefficient. {" ".join(verdict_lines(result))}')

@@ -21,8 +21,6 @@ from imu_allan.writers.terminal import columns_of
 if TYPE_CHECKING:
     from imu_allan.recordings import Recording
     from imu_allan.timeline import TimelineSummary
-    import numpy as np
-    from numpy.typing import NDArray
 
 _INDENT = 14
 """Width of the column of names."""
@@ -72,24 +70,21 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         read = recording.topics[:most]
         total = recording.size_bytes * len(read)
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
-            reports = [
+            paragraphs = [
                 _report(recording, topic.name, _rate_of(recording, topic.name, args),
                         offset_progress(progress, i * recording.size_bytes))
                 for i, topic in enumerate(read)]
-        for report in reports:
-            print()
-            for line in report:
-                print(line)
-        if len(recording.topics) != 1 and (choice := _choice(recording)):
-            print()
-            print(choice)
-        _list('more Imu topic', 'more Imu topics', [
-            (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
-            for topic in recording.topics[most:]])
-        _list('topic of another type', 'topics of other types',
-              sorted(recording.other_topics.items()))
-        _list('of them might hold an IMU and is not read',
-              'of them might hold an IMU and are not read', sorted(recording.reasons.items()))
+        paragraphs += [
+            _choice(recording) if len(recording.topics) > 1 else [],
+            _list('more Imu topic', 'more Imu topics', [
+                (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
+                for topic in recording.topics[most:]]),
+            _list('topic of another type', 'topics of other types',
+                  sorted(recording.other_topics.items())),
+            _list('of them might hold an IMU and is not read',
+                  'of them might hold an IMU and are not read', sorted(recording.reasons.items()))]
+        for lines in filter(None, paragraphs):
+            print('', *lines, sep='\n')
         for remark in recording.remarks:
             print('\n'.join(_wrapped('warning: ', message_of(remark))))
 
@@ -104,33 +99,32 @@ def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> fl
     return rate
 
 
-def _choice(recording: 'Recording') -> str:
+def _choice(recording: 'Recording') -> list[str]:
     """Describe which of several topics are read if none is named."""
     from imu_allan.recordings.halves import choose_streams
 
     try:
-        streams = choose_streams(recording)
+        topics = [printable(stream.topic) for stream in choose_streams(recording)]
     except ImuAllanError:
-        return ('not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
-                '--accel-topic')
-    if len(streams) == 1:
-        return f'read where no topic is named: {printable(streams[0].topic)}'
-    gyro, accel = (printable(stream.topic) for stream in streams)
-    return f'one IMU in two halves: the gyroscope from {gyro}, the accelerometer from {accel}'
+        return ['not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
+                '--accel-topic']
+    if len(topics) == 1:
+        return [f'read where no topic is named: {topics[0]}']
+    return [f'one IMU in two halves: the gyroscope from {topics[0]}, the accelerometer from '
+            f'{topics[1]}']
 
 
-def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
-    """Print topics with a word about each, if there are any."""
+def _list(one: str, many: str, topics: list[tuple[str, str]]) -> list[str]:
+    """Return topics with a word about each, if there are any."""
     from imu_allan.wording import counted
 
     most = 200   # a robot has fewer
-    if topics:
-        print()
-        print(f'{counted(len(topics), one, many)}:')
-        for name, word in topics[:most]:
-            print(f'  {brief(name)}  {brief(word)}'.rstrip())
-        if len(topics) > most:
-            print(f'  and {len(topics) - most} more')
+    if not topics:
+        return []
+    lines = [f'  {brief(name)}  {brief(word)}'.rstrip() for name, word in topics[:most]]
+    if len(topics) > most:
+        lines.append(f'  and {len(topics) - most} more')
+    return [f'{counted(len(topics), one, many)}:', *lines]
 
 
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
@@ -142,19 +136,18 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC
     from imu_allan.writers.words import message_of
+    import numpy as np
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
-    failure = ''
     blocks, noted = in_si_units(recording, Stream(topic), progress)
-    count = 0
-    first: NDArray[np.float64] | None = None
-    changes = [False] * len(AXES)
+    failure, count, first = '', 0, None
+    changed = np.zeros(len(AXES), bool)
     try:
-        for block in blocks:
+        for block in filter(len, blocks):
             count += len(block)
-            if len(block) and not all(changes):
+            if not changed.all():
                 first = block.samples[0] if first is None else first
-                changes = (changes | (block.samples != first).any(axis=0)).tolist()
+                changed |= (block.samples != first).any(axis=0)
             if not failure:
                 try:
                     stage.push(block)
@@ -177,14 +170,14 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     else:
         summary = stage.summary()
         rows += _timeline_rows(summary, topic, untimed=recording.untimed)
-        constant = [name for name, there, changed in zip(
-            AXES, summary.present, changes, strict=True) if there and not changed]
+        constant = [name for name, there, changes in zip(
+            AXES, summary.present, changed, strict=True) if there and not changes]
         if count > 1 and constant:
             rows.append(('constant', f'{named(constant)}: every sample is the same'))
     heat = thermometer_of(recording, topic)
     if heat is not None:
         rows.append(('temperature', f'from {heat.name}'))
-    rows += [('warning', message_of(remark)) for remark in noted()]
+    rows.extend(('warning', message_of(remark)) for remark in noted())
     return lines + [line for name, text in rows
                     for line in _wrapped(f'  {name:<{_INDENT - 2}}', text)]
 

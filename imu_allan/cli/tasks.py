@@ -9,7 +9,6 @@ from pathlib import Path
 import re
 from typing import TYPE_CHECKING
 
-from imu_allan.cli.progress import progress_bar
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
@@ -24,8 +23,8 @@ class Task:
 
     Attributes
     ----------
-    path : str
-        The recording.
+    paths : tuple of str
+        The recording; several of one IMU give one joint result.
     choice : Choice
         Which part of it is used, and how it is read.
     size_bytes : int
@@ -38,19 +37,21 @@ class Task:
         What the result states about the unit.
     exports : tuple of str
         Consumers whose configurations are written into the folder.
-    together : tuple of str
-        Recordings of one IMU that give one joint result; empty for a single recording.
 
     """
 
-    path: str
+    paths: tuple[str, ...]
     choice: 'Choice'
-    size_bytes: int = 0
-    folder: Path | None = None
-    unit: str = ''
-    inspection: 'Inspection | None' = None
-    exports: tuple[str, ...] = ()
-    together: tuple[str, ...] = ()
+    size_bytes: int
+    folder: Path | None
+    unit: str
+    inspection: 'Inspection | None'
+    exports: tuple[str, ...]
+
+    @property
+    def path(self) -> str:
+        """Return the recording, or all of them."""
+        return ' + '.join(self.paths)
 
 
 def characterize(task: Task, progress: Callable[[int], None] | None = None
@@ -62,7 +63,8 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
     """
     from imu_allan.analysis import analyzed
 
-    result = analyzed(task.together or task.path, task.choice, progress)
+    result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice,
+                      progress)
     if task.inspection is not None:
         result = replace(result, inspection=task.inspection)
     if task.folder is not None:
@@ -72,18 +74,6 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
         except ImuAllanError as error:
             return result, error
     return result, None
-
-
-def loaded_or_analyzed(path: str, choice: 'Choice', *, progress: bool) -> 'Result':
-    """Return the result in a file, or that of a recording."""
-    from imu_allan.analysis import analyzed
-    from imu_allan.writers.result_file import is_result, load_result
-
-    if is_result(path):
-        return load_result(path)
-    with choice.opened(path) as recording, progress_bar(
-            path, recording.size_bytes, wanted=progress) as bar:
-        return analyzed(path, choice, bar, recording)
 
 
 def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:

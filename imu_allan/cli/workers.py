@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 T = TypeVar('T')
 Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
-Answer = tuple[Any, tuple[BaseException, str] | None]
-"""What a function returned, or what it raised and its traceback; one of the two is None."""
 
 
 @contextmanager
@@ -69,26 +67,26 @@ def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable
             yield task, future.result
 
 
-class WorkerProcesses(Executor):
-    """Executor that works in processes of this machine, each served by a thread of this one."""
+class WorkerProcesses(ThreadPoolExecutor):
+    """Executor whose threads have each task done by a process of this machine."""
 
     def __init__(self, jobs: int) -> None:
-        self._threads = ThreadPoolExecutor(jobs)
+        super().__init__(jobs)
         self._of_thread = threading.local()
         self._started: list[subprocess.Popen[bytes]] = []
         self._given_up = False
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
-        return self._threads.submit(self._ask, partial(fn, *args, **kwargs))
+        return super().submit(self._ask, partial(fn, *args, **kwargs))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Let the workers end, at once if an exception leaves the context."""
         if kind is not None:
             self._given_up = True
-            self._threads.shutdown(wait=False, cancel_futures=True)
+            self.shutdown(wait=False, cancel_futures=True)
             for process in self._started:
                 process.terminate()
-        self._threads.shutdown()
+        self.shutdown()
         for process in self._started:
             tasks, answers = _pipes(process)
             tasks.close()
@@ -101,7 +99,7 @@ class WorkerProcesses(Executor):
             answers.close()
 
     def _ask(self, work: 'partial[T]') -> T:
-        """Run a task in the process of this thread."""
+        """Run a task in the process of this thread, and raise its error."""
         process = getattr(self._of_thread, 'process', None)
         if process is None:
             process = self._of_thread.process = self._start()
@@ -110,15 +108,22 @@ class WorkerProcesses(Executor):
             with open(tasks.fileno(), 'wb', closefd=False) as stdin:
                 pickle.dump(work, stdin)
             with open(answers.fileno(), 'rb', closefd=False) as stdout:
-                answer = pickle.load(stdout)
+                done: T
+                done, failure = pickle.load(stdout)
         except (BrokenPipeError, EOFError, pickle.UnpicklingError):
             # The next task gets another process.
             self._of_thread.process = None
+            task = work.args[0]
             raise ImuAllanError(
-                f'--jobs: the process that worked on {_subject(work)} was ended from outside, '
-                'perhaps for want of memory; try fewer jobs') from None
-        done: T = _returned(answer)
-        return done
+                '--jobs: the process that worked on '
+                f'{printable(task.path) if isinstance(task, Task) else "it"} was ended from '
+                'outside, perhaps for want of memory; try fewer jobs') from None
+        if failure is None:
+            return done
+        error, where = failure
+        if not isinstance(error, (ImuAllanError, OSError)):
+            error.__cause__ = RuntimeError(f'in a worker process:\n{where}')
+        raise error
 
     def _start(self) -> subprocess.Popen[bytes]:
         try:
@@ -143,33 +148,17 @@ def serve() -> None:
     os.dup2(2, 1)
     with suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
         while True:
-            pickle.dump(_answer(pickle.load(sys.stdin.buffer)), answers)
+            work = pickle.load(sys.stdin.buffer)
+            answer: tuple[Any, tuple[Exception, str] | None]
+            try:
+                answer = work(), None
+            except Exception as error:
+                answer = None, portable(error)
+            pickle.dump(answer, answers)
             answers.flush()
-
-
-def _answer(work: Callable[..., Any], *args: Any) -> Answer:
-    try:
-        return work(*args), None
-    except Exception as error:
-        return None, portable(error)
-
-
-def _returned(answer: Answer) -> Any:
-    """Return the value from a worker or raise its error, with the traceback if unexpected."""
-    value, failure = answer
-    if failure is None:
-        return value
-    error, where = failure
-    if where and not isinstance(error, (ImuAllanError, OSError)):
-        error.__cause__ = RuntimeError(f'in a worker process:\n{where}')
-    raise error
 
 
 def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
     assert process.stdin is not None
     assert process.stdout is not None
     return process.stdin, process.stdout
-
-
-def _subject(work: 'partial[Any]') -> str:
-    return printable(work.args[0].path) if isinstance(work.args[0], Task) else 'it'
