@@ -1,9 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of frozen dataclasses to JSON and back, by the annotations of their fields."""
+"""Conversion of dataclasses to JSON and back, by the annotations of their fields."""
 
-from collections.abc import Mapping
-from dataclasses import fields, MISSING
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, MISSING
+from functools import cache
 import json
 import math
 import types
@@ -13,6 +14,7 @@ from imu_allan.errors import ImuAllanError, shorten
 
 ABOVE_ZERO, NOT_NEGATIVE = 'above zero', 'zero or above'
 """Annotations of numbers whose logarithm or root is taken."""
+_CONTAINERS = {Union, types.UnionType, tuple, list, dict, Mapping}
 _LARGEST = 1e60
 """Far above anything measured; squares and sums of smaller numbers stay finite."""
 
@@ -55,52 +57,28 @@ def plain(value: Any) -> Any:
     return value
 
 
-def typed(kind: Any, value: Any, where: str) -> Any:
-    """Convert the output of `plain` back to a type; ImuAllanError names the field `where`."""
-    if kind is Any:
-        return _any(value, where)
+def checked(kind: Any, value: Any, where: str) -> Any:
+    """Return a number, text or choice of a type from JSON; its numbers must be finite."""
     origin = get_origin(kind)
+    if kind is Any:
+        if isinstance(value, list):
+            return tuple(checked(Any, item, f'{where}[{i}]') for i, item in enumerate(value))
+        if value is None or isinstance(value, (bool, int, str)):
+            return value
+        if not isinstance(value, float):
+            raise ImuAllanError(f'{where}: expected a number, a text or a list')
+        kind = float
     if origin is Annotated:
         number, bound = get_args(kind)
-        value = typed(number, value, where)
+        value = checked(number, value, where)
         if not (value > 1 / _LARGEST or (value == 0 and bound == NOT_NEGATIVE)):
             raise ImuAllanError(f'{where}: expected {bound}')
         return value
-    if origin in (Union, types.UnionType):
-        if value is None:
-            return None
-        return typed(next(arg for arg in get_args(kind) if arg is not type(None)), value, where)
     if origin is Literal:
         if value not in get_args(kind):
             raise ImuAllanError(f'{where}: {shorten(repr(value))} is not one of '
                                 f'{", ".join(get_args(kind))}')
         return value
-    if origin is tuple:
-        args = get_args(kind)
-        if not isinstance(value, (list, tuple)):
-            raise ImuAllanError(f'{where}: expected a list')
-        if args[-1] is Ellipsis:
-            args = args[:1] * len(value)
-        if len(value) != len(args):
-            raise ImuAllanError(f'{where}: expected {len(args)} values')
-        return tuple(typed(arg, item, f'{where}[{i}]')
-                     for i, (arg, item) in enumerate(zip(args, value, strict=True)))
-    is_record = hasattr(kind, '__dataclass_fields__')
-    if (is_record or origin is not None) and not isinstance(value, Mapping):
-        raise ImuAllanError(f'{where}: expected an object')
-    if origin is not None:
-        item_kind = get_args(kind)[1]
-        return {str(key): typed(item_kind, item, f'{where}.{shorten(str(key))}')
-                for key, item in value.items()}
-    if is_record:
-        given = {name: typed(hint, value[name], f'{where}.{name}')
-                 for name, hint in get_type_hints(kind, include_extras=True).items()
-                 if name in value}
-        missing = [field.name for field in fields(kind) if field.name not in given
-                   and field.default is MISSING and field.default_factory is MISSING]
-        if missing:
-            raise ImuAllanError(f'{where}: missing {", ".join(missing)}')
-        return kind(**given)
     if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
         if not math.isfinite(value):
             raise ImuAllanError(f'{where}: {value} is not a finite number')
@@ -112,12 +90,50 @@ def typed(kind: Any, value: Any, where: str) -> Any:
     raise ImuAllanError(f'{where}: expected {kind.__name__}, found {type(value).__name__}')
 
 
-def _any(value: Any, where: str) -> Any:
-    """Return a JSON value of a field that may have any type; its numbers must be finite."""
-    if isinstance(value, list):
-        return tuple(_any(item, f'{where}[{i}]') for i, item in enumerate(value))
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    if isinstance(value, float):
-        return typed(float, value, where)
-    raise ImuAllanError(f'{where}: expected a number, a text or a list')
+def typed(kind: Any, value: Any, where: str,
+          leaf: Callable[[Any, Any, str], Any] = checked) -> Any:
+    """
+    Convert the output of `plain` back to a type; ImuAllanError names the field `where`.
+
+    `leaf` converts what holds nothing else. A dataclass with a method `complete` can add what was
+    not saved.
+    """
+    origin = get_origin(kind)
+    if origin not in _CONTAINERS and not (origin is None and is_dataclass(kind)):
+        return leaf(kind, value, where)
+    args = get_args(kind)
+    if origin in (Union, types.UnionType):
+        known = next(arg for arg in args if arg is not types.NoneType)
+        return None if value is None else typed(known, value, where, leaf)
+    if origin in (tuple, list):
+        if not isinstance(value, (list, tuple)):
+            raise ImuAllanError(f'{where}: expected a list')
+        kinds = args if origin is tuple and args[-1] is not Ellipsis else args[:1] * len(value)
+        if len(value) != len(kinds):
+            raise ImuAllanError(f'{where}: expected {len(kinds)} values')
+        return origin(typed(each, item, f'{where}[{i}]', leaf)
+                      for i, (each, item) in enumerate(zip(kinds, value, strict=True)))
+    if not isinstance(value, Mapping):
+        raise ImuAllanError(f'{where}: expected an object')
+    if origin is not None:
+        return {args[0](key): typed(args[1], item, f'{where}.{shorten(str(key))}', leaf)
+                for key, item in value.items()}
+    given = {name: typed(hint, value[name], f'{where}.{name}', leaf)
+             for name, hint in hints_of(kind).items() if name in value}
+    missing = [part.name for part in fields(kind) if part.name not in given
+               and part.default is MISSING and part.default_factory is MISSING]
+    if missing:
+        raise ImuAllanError(f'{where}: missing {", ".join(missing)}')
+    record = kind(**{part.name: given.pop(part.name) for part in fields(kind)
+                     if part.init and part.name in given})
+    vars(record).update(given)
+    if hasattr(record, 'complete'):
+        record.complete()
+    return record
+
+
+@cache
+def hints_of(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields of a dataclass."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {part.name: hints[part.name] for part in fields(kind)}

@@ -4,17 +4,16 @@
 Records that change as messages arrive, and how they are copied, saved and restored.
 
 A record is a dataclass of numbers, text, arrays, other dataclasses, and lists, tuples and dicts of
-these. Its state is a flat dict that holds JSON text for each field, and the arrays by path.
+these. Its state is a flat dict that holds JSON text for each field, and the arrays by number.
 """
 
 from collections.abc import Mapping
 from copy import copy as shallow_copy
-from dataclasses import fields, is_dataclass
-from functools import cache
+from dataclasses import fields
 import json
-from types import NoneType, UnionType
-from typing import Any, cast, get_args, get_origin, get_type_hints, TypeVar, Union
+from typing import Any, cast, TypeVar
 
+from imu_allan.json_of_dataclasses import hints_of, plain, typed
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,9 +27,6 @@ class Record:
     def copy(self: Kind) -> Kind:
         """Return an independent copy."""
         return cast(Kind, _copied(self, {}))
-
-    def complete(self) -> None:
-        """Add what a state leaves out; called after the fields are restored."""
 
 
 def _copied(value: Any, seen: dict[int, Any]) -> Any:
@@ -52,27 +48,18 @@ def _copied(value: Any, seen: dict[int, Any]) -> Any:
 
 def state_of(record: Any) -> State:
     """Return the state of a dataclass, with everything that it holds."""
-    arrays: State = {}
-    plain = _plain(record, '', arrays)
-    return {name: np.array(json.dumps(value)) for name, value in plain.items()
-            if value is not None or name not in arrays} | arrays
+    arrays: list[NDArray[Any]] = []
 
-
-def _plain(value: Any, path: str, arrays: State) -> Any:
-    """Return the part of a value that JSON stores; put its arrays into `arrays`."""
-    if isinstance(value, np.ndarray):
+    def put_aside(array: Any) -> dict[str, int]:
+        assert isinstance(array, np.ndarray)
         # Copied, because another thread saves it later.
-        arrays[path] = value.copy()
-        return None
-    within = f'{path}/' if path else ''
-    if is_dataclass(value):
-        return {part.name: _plain(getattr(value, part.name), within + part.name, arrays)
-                for part in fields(value)}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part, f'{within}{at}', arrays) for at, part in enumerate(value)]
-    if isinstance(value, dict):
-        return {key: _plain(part, f'{within}{key}', arrays) for key, part in value.items()}
-    return value
+        arrays.append(array.copy())
+        return {'array': len(arrays) - 1}
+
+    texts = {part.name: json.dumps(plain(getattr(record, part.name)), default=put_aside)
+             for part in fields(record)}
+    return {name: np.array(text) for name, text in texts.items()} | {
+        str(number): array for number, array in enumerate(arrays)}
 
 
 def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
@@ -83,45 +70,9 @@ def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
 
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
     """Restore a record from what `state_of` returned; KeyError if a part is missing."""
-    arrays = {name: array for name, array in state.items() if array.dtype.kind != 'U'}
-    plain = {name: None if name in arrays else json.loads(str(state[name]))
-             for name in _hints(cast(Any, kind))}
-    return cast(Kind, _built(kind, plain, arrays, ''))
+    def with_array(found: dict[str, Any]) -> Any:
+        return state[str(found['array'])].copy() if [*found] == ['array'] else found
 
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {part.name: hints[part.name] for part in fields(cast(Any, kind))}
-
-
-def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
-    """Build a value of a type from its saved parts."""
-    origin, parts = get_origin(kind), get_args(kind)
-    within = f'{path}/' if path else ''
-    if origin in (Union, UnionType):
-        if plain is None and path not in arrays:
-            return None
-        kind = next(part for part in parts if part is not NoneType)
-        return _built(kind, plain, arrays, path)
-    if origin is np.ndarray:
-        return arrays[path].copy()
-    if is_dataclass(kind):
-        built = {name: _built(hint, plain[name], arrays, within + name)
-                 for name, hint in _hints(cast(Any, kind)).items()}
-        make: Any = kind
-        record = make(**{part.name: built.pop(part.name) for part in fields(kind) if part.init})
-        vars(record).update(built)
-        if isinstance(record, Record):
-            record.complete()
-        return record
-    if origin is list:
-        return [_built(parts[0], part, arrays, f'{within}{at}') for at, part in enumerate(plain)]
-    if origin is tuple:
-        each = parts[:1] * len(plain) if parts[-1] is Ellipsis else parts
-        return tuple(_built(part, value, arrays, f'{within}{at}') for at, (part, value)
-                     in enumerate(zip(each, plain, strict=True)))
-    if origin is dict:
-        return {parts[0](key): _built(parts[1], value, arrays, f'{within}{key}')
-                for key, value in plain.items()}
-    return plain
+    fields_of = {name: json.loads(str(state[name]), object_hook=with_array)
+                 for name in hints_of(cast(Any, kind))}
+    return cast(Kind, typed(kind, fields_of, kind.__name__, lambda _, value, __: value))
