@@ -158,7 +158,7 @@ def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | No
         args.parser.error('--together takes several recordings of one topic')
     if apart and of_one:
         args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
-    if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
+    if apart and arguments.inspection_of(args).get('serial'):
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
 
 

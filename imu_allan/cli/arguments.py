@@ -15,7 +15,6 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.consumers import consumer_called
 
 if TYPE_CHECKING:
-    from imu_allan.result import Inspection
     from imu_allan.sensor.noise_model import NoiseModel
 
 _META = ('serial', 'operator', 'station')
@@ -151,13 +150,10 @@ def add_inspection(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)
 
 
-def inspection_of(args: argparse.Namespace) -> 'Inspection | None':
-    """Return the values of these options; None if none was given."""
-    from imu_allan.result import Inspection
-
-    said = {key: value for key in _META if (value := getattr(args, key)) is not None}
-    said |= dict(args.meta)
-    return Inspection(**said) if said else None
+def inspection_of(args: argparse.Namespace) -> dict[str, str]:
+    """Return what these options say: fields of `imu_allan.result.Inspection`."""
+    former = ((key, getattr(args, key)) for key in _META)
+    return {key: value for key, value in (*former, *args.meta) if value is not None}
 
 
 def _meta(text: str) -> tuple[str, str]:

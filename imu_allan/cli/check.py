@@ -83,9 +83,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         result = _result_of(source, args, choice)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
-    if (unit := arguments.inspection_of(args)) is not None:
+    if said := arguments.inspection_of(args):
         # Entries that are not given stay as they were.
-        said = {key: value for key, value in vars(unit).items() if value is not None}
         result = replace(result, inspection=replace(result.inspection or Inspection(), **said))
     for path, writer in ((args.json, datasheet.to_json), (args.junit, datasheet.to_junit),
                          (args.certificate, datasheet.certificate_html)):

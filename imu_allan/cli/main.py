@@ -104,17 +104,13 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         verb: _Parser = args.parser
         options = [name for action in verb._actions for name in action.option_strings
                    if action.help is not argparse.SUPPRESS]
-        hint = _suggestion(unknown[0].partition('=')[0], options)
+        near = get_close_matches(unknown[0].partition('=')[0], options, n=1)
+        hint = f'; did you mean {near[0]}?' if near else ''
         [place, *_] = [action for action in verb._actions if not action.option_strings]
         if place.nargs in (None, '?') and not unknown[0].startswith('-'):
             hint = f'; {verb.prog} takes one {place.metavar} at a time'
         verb.error(f'unrecognized arguments: {shorten(printable(" ".join(unknown)), 100)}{hint}')
     return args
-
-
-def _suggestion(word: str, known: Sequence[str]) -> str:
-    near = get_close_matches(word, known, n=1)
-    return f'; did you mean {near[0]}?' if near else ''
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tasks of the command: from which recording to make a result, how, and into which folder."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count as naturals
 from pathlib import Path
@@ -13,7 +13,7 @@ from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
-    from imu_allan.result import Inspection, Result
+    from imu_allan.result import Result
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Task:
         Where to write the result.
     unit : str
         Name of the recording among others.
-    inspection : Inspection or None
+    inspection : mapping of str to str
         What the result states about the unit.
     exports : tuple of str
         Consumers whose configurations are written into the folder.
@@ -45,7 +45,7 @@ class Task:
     size_bytes: int
     folder: Path | None
     unit: str
-    inspection: 'Inspection | None'
+    inspection: Mapping[str, str]
     exports: tuple[str, ...]
 
     @property
@@ -62,11 +62,12 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
     Return the result, and the error if the folder could not be written.
     """
     from imu_allan.analysis import analyzed
+    from imu_allan.result import Inspection
 
     result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice,
                       progress)
-    if task.inspection is not None:
-        result = replace(result, inspection=task.inspection)
+    if task.inspection:
+        result = replace(result, inspection=Inspection(**task.inspection))
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
         try:
