@@ -11,6 +11,7 @@ from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.evidence import maximise_rows, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.regression import mean, regressors
 from imu_allan.noise.record.bins import bins_of
@@ -19,6 +20,7 @@ from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import nnls
 from scipy.signal import butter, lfilter
 
 RATE = 100.0
@@ -101,6 +103,20 @@ def test_maximum_is_found_and_stays_and_no_coefficient_is_negative():
     # A loss of 1e-6 is a thousandth of a standard error.
     np.testing.assert_allclose(behind.theta, best.theta, rtol=1e-3, atol=1e-15)
     assert best.loss - 1e-6 < behind.loss <= best.loss
+
+
+def test_small_non_negative_least_squares_agrees_with_scipy():
+    rng = np.random.default_rng(1)
+    problems = [(rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4),
+                 rng.standard_normal(12)) for _ in range(200)]
+    # Columns that cannot be distinguished share what they explain.
+    same = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [3.0, 3.0, 1.0]])
+    problems += [(same, np.array([sign, 2 * sign, last])) for sign, last in (
+        (1.0, 3.0), (1.0, 9.0), (-1.0, -3.0), (1.0, -9.0))]
+    for a, b in problems:
+        part = non_negative(a.T @ a, a.T @ b)
+        assert (part >= 0).all()
+        np.testing.assert_allclose(a @ part, a @ nnls(a, b)[0], atol=1e-6)
 
 
 def fits_of(*samples):

@@ -22,10 +22,10 @@ P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 
 from typing import NamedTuple
 
 from imu_allan.arrays import Array
+from imu_allan.noise.posterior.non_negative import non_negative
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.record.groups import Groups
 import numpy as np
-from scipy.optimize import nnls
 
 
 class Solution(NamedTuple):
@@ -79,7 +79,8 @@ def maximise(groups: Groups, start: Array | None = None, *,
     """
     held = fixed or {}
     free = [i for i in range(groups.design.shape[1]) if i not in held]
-    design = groups.design.T[free]
+    # One contiguous row per column, for speed.
+    design = np.ascontiguousarray(groups.design.T[free])
     offset = groups.design[:, list(held)] @ np.array(list(held.values()))
     tiny = 1e-12 * float(groups.power.max(initial=0.0)) + 1e-300
     about = about_mean(groups) if moving_mean else None
@@ -100,10 +101,10 @@ def maximise(groups: Groups, start: Array | None = None, *,
         if about is not None:
             power = about(expected).noise
             value = at(part)[1] if np.isfinite(value) else value
-        root = np.sqrt(groups.dof) / expected
-        columns = (design * root).T
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        goal = nnls(columns / size, root * (power - offset))[0] / size if free else part
+        weighted = design * (groups.dof / expected**2)
+        # The set of nonzero coefficients seldom changes between steps, so pass it as a guess.
+        goal = non_negative(weighted @ design.T, weighted @ (power - offset),
+                            np.flatnonzero(part).tolist())
         there, share = goal, 1.0
         reached, loss = at(there)
         # Halve the step while the loss grows.
