@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from imu_allan.arguments import positive_time, shown
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.finding import Finding, finding
+from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.same_recording import files_digest, Fingerprint, Seen
@@ -30,7 +30,6 @@ from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
 from imu_allan.tuning.means import Means
-from imu_allan.wording import duration
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
@@ -301,28 +300,11 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
         # Imported here, while another process has already begun to read.
         import imu_allan.characterization as characterization
         shortfall: list[Finding] = []
-        yield Taken(recording, stream, noted, _part(recording, choice, blocks, shortfall),
-                    characterization.Characterization(
-                        kind='recording', path=str(recording.path), topic=stream.topic,
-                        options=options), shortfall)
-
-
-def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
-          shortfall: list[Finding]) -> Iterable[ImuBlock]:
-    """Return the chosen part; if less was recorded, add a finding to `shortfall`."""
-    start_s, duration_s = choice.start_s, choice.duration_s
-
-    def ended(recorded_s: float, part_s: float) -> None:
-        if part_s < 0:
-            raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
-                                f'{duration(start_s)} leaves nothing of it')
-        # A request for 20 min of 19 min 59 s means all of it.
-        if duration_s is not None and part_s < 0.99 * duration_s:
-            shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
-
-    if start_s <= 0 and duration_s is None:
-        return blocks
-    return between(blocks, start_s, duration_s, ended)
+        if choice.start_s or choice.duration_s is not None:
+            blocks = between(blocks, choice.start_s, choice.duration_s, recording.path, shortfall)
+        yield Taken(recording, stream, noted, blocks, characterization.Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
+            shortfall)
 
 
 def _streams(recording: Recording, choice: Choice, progress: Progress

@@ -22,9 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
-_ENOUGH = 64
-"""Fewest messages to judge by. The share of repeats then has a standard error of 0.06, a fifth
-of the share from which a half counts as repeated."""
 _BAND = 64
 """Frequency bins that share one noise level. Lines more than 16 times above it are removed."""
 
@@ -125,8 +122,11 @@ def half_of(recording: Recording, topic: str) -> Half | None:
 def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     """Separate halves that a driver merged from two rates; report those that were interpolated."""
     count = recording.imu(topic).count
-    blocks = [] if count is not None and count < _ENOUGH else list(_beginning(recording, topic))
-    if sum(map(len, blocks)) < _ENOUGH:
+    # Of so many messages, the share of repeats has a standard error of 0.06, a fifth of the share
+    # from which a half counts as repeated.
+    enough = 64
+    blocks = [] if count is not None and count < enough else list(_beginning(recording, topic))
+    if sum(map(len, blocks)) < enough:
         return [Stream(topic)]
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])

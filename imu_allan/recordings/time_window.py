@@ -2,15 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Selection of the part of a recording between two times."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding, finding
+from imu_allan.wording import duration
 import numpy as np
 
 
-def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
-            ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
-    """Yield what was received in a window; tell `ended` of a recording that ends before it."""
+def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None, path: object,
+            shortfall: list[Finding]) -> Iterator[ImuBlock]:
+    """Yield what was received in a window; if less was recorded, add a finding to `shortfall`."""
     begin: int | None = None
     first = last = 0
     for block in blocks:
@@ -29,9 +32,15 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
             yield block
         elif keep.any():
             yield block.part(keep)
-    if begin is not None and ended is not None:
-        # In seconds from the first message, and from the start of the window.
-        ended((last - first) / 1e9, (last - begin) / 1e9)
+    if begin is None:
+        return
+    if last < begin:
+        raise ImuAllanError(f'{path}: lasts {duration((last - first) / 1e9)}: --start '
+                            f'{duration(start_s)} leaves nothing of it')
+    recorded_s = (last - begin) / 1e9
+    # A request for 20 min of 19 min 59 s means all of it.
+    if duration_s is not None and recorded_s < 0.99 * duration_s:
+        shortfall.append(finding('short_part', recorded_s=recorded_s, asked_s=duration_s))
 
 
 def _later(stamp_ns: int, seconds: float) -> int:

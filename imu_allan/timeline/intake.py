@@ -37,8 +37,6 @@ from imu_allan.timeline.pace import (
 )
 import numpy as np
 
-_OTHER_GRID = 0.01
-"""Intervals that differ by a larger share are not one grid by two clocks. Chosen by judgment."""
 _FEWEST_FOR_RATE = 64
 """Fewest stamps that give the rate well enough to contradict the stated one."""
 
@@ -246,9 +244,10 @@ class Intake(Record):
         if abs(ratio - 1) > 0.12 < abs(speed - 1):
             return pace, count
         # With one of three dropped, stamps lie 0.17 off a grid of 1.5 intervals. The limits of 0.1
-        # and of three times the clock's spread about its own grid are chosen by judgment.
+        # and of three times the clock's spread about its own grid are chosen by judgment, as is
+        # that of 1 % between the intervals of one grid by two clocks.
         if not pace.counting and not (
-                abs(ratio - 1) > _OTHER_GRID
+                abs(ratio - 1) > 0.01
                 and spread_about(other, pace.interval_ns) > max(0.1, 3 * second.spread)):
             # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
             return pace, count

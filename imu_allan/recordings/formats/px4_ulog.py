@@ -41,9 +41,6 @@ _TYPES = {
     'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
 _HEAD = 16
 """Bytes of the file header: magic, version, time."""
-_CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
-          'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
-          'bool': '?', 'char': 'S1'}
 
 
 class UlogRecording(TableLog):
@@ -189,14 +186,18 @@ class _LogReader:
 
 def _layout(text: str) -> np.dtype[Any]:
     """Return the message layout up to the first field that is not a number; IMUs have none."""
+    codes = {
+        'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
+        'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
+        'bool': '?', 'char': 'S1'}
     fields: list[tuple[Any, ...]] = []
     taken = set()
     for written in text.split(';'):
         field = re.fullmatch(r'(\w+)(?:\[(\d{1,4})\])? (\w+)', written)
-        if field is None or field[1] not in _CODES or field[3] in taken:
+        if field is None or field[1] not in codes or field[3] in taken:
             break
         taken.add(field[3])
-        fields.append((field[3], _CODES[field[1]], *((int(field[2]),) if field[2] else ())))
+        fields.append((field[3], codes[field[1]], *((int(field[2]),) if field[2] else ())))
     # Trailing padding is not logged.
     while fields and fields[-1][0].startswith('_padding'):
         fields.pop()
