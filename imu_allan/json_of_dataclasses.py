@@ -95,8 +95,7 @@ def typed(kind: Any, value: Any, where: str,
     """
     Convert the output of `plain` back to a type; ImuAllanError names the field `where`.
 
-    `leaf` converts what holds nothing else. A dataclass with a method `complete` can add what was
-    not saved.
+    `leaf` converts what holds nothing else.
     """
     origin = get_origin(kind)
     if origin not in _CONTAINERS and not (origin is None and is_dataclass(kind)):
@@ -127,8 +126,6 @@ def typed(kind: Any, value: Any, where: str,
     record = kind(**{part.name: given.pop(part.name) for part in fields(kind)
                      if part.init and part.name in given})
     vars(record).update(given)
-    if hasattr(record, 'complete'):
-        record.complete()
     return record
 
 

@@ -11,7 +11,7 @@ the output and pairs of axes with equal samples are kept as well.
 from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, AXES_TWICE, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES, begun, MultiAxis, numbers
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,31 +37,21 @@ class Census(MultiAxis):
 
     samples: int = 0    # number of samples counted
     # (axes,)
-    lowest: Array = field(init=False, metadata=AXES_FIRST)
-    highest: Array = field(init=False, metadata=AXES_FIRST)
+    lowest: Array = field(init=False, metadata=numbers(AXES, merge=np.minimum))
+    highest: Array = field(init=False, metadata=numbers(AXES, merge=np.maximum))
     # (2, axes): number of samples at the lowest and at the highest value
-    at_ends: Counts = field(init=False, metadata=AXES_SECOND)
+    at_ends: Counts = field(init=False, metadata=numbers(2, AXES, dtype=np.int64))
     # (axes,): smallest change between consecutive samples, except for a few outliers; infinite
     # if nothing changes
-    step: Array = field(init=False, metadata=AXES_FIRST)
+    step: Array = field(init=False, metadata=numbers(AXES, merge=np.minimum))
     # (axes,): number of samples that are zero
-    zeros: Counts = field(init=False, metadata=AXES_FIRST)
+    zeros: Counts = field(init=False, metadata=numbers(AXES, dtype=np.int64))
     # (axes, bins): number of samples by magnitude, see `lower_edge`, up to an octave beyond
-    # the end of the gap around zero
-    sizes: Counts = field(init=False, metadata=AXES_FIRST)
+    # the end of the gap around zero and to a magnitude of 1e7
+    sizes: Counts = field(init=False, metadata=numbers(AXES, 64 * BINS_PER_OCTAVE, dtype=np.int64))
     # (axes, axes): flags of pairs whose samples have all been equal so far
-    equal_pairs: NDArray[np.int8] = field(init=False, metadata=AXES_TWICE)
-
-    def begin(self) -> None:
-        """Initialize empty counts."""
-        axes = self.axes
-        self.lowest, self.highest = np.full(axes, np.inf), np.full(axes, -np.inf)
-        self.at_ends = np.zeros((2, axes), np.int64)
-        self.step = np.full(axes, np.inf)
-        # Up to a magnitude of 1e7.
-        bins = 64 * BINS_PER_OCTAVE
-        self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, bins), np.int64)
-        self.equal_pairs = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
+    equal_pairs: NDArray[np.int8] = field(init=False, metadata=begun(
+        lambda axes: np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1), 0, 1))
 
     def count(self, rows: Array, reference: Array) -> None:
         """
@@ -73,12 +63,10 @@ class Census(MultiAxis):
         self._count_ends(rows)
         self._count_near_zero(rows, -reference)
         # Except for broken sensors, no pair is left after a few samples.
-        for one, other in np.argwhere(self.equal_pairs):
-            for sign, bit in _KINDS.items():
-                if self.equal_pairs[one, other] & bit and not (
-                        reference[one] == sign * reference[other]
-                        and np.array_equal(rows[one], sign * rows[other])):
-                    self.equal_pairs[one, other] &= ~bit
+        for one, other, sign in self.copies():
+            if not (reference[one] == sign * reference[other]
+                    and np.array_equal(rows[one], sign * rows[other])):
+                self.equal_pairs[one, other] &= ~_KINDS[sign]
         # That many samples show the step of a coarse output; more would take a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)

@@ -12,7 +12,7 @@ from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.cells import MOST_RUNS
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
-from imu_allan.noise.record.multi_axis import AXES_FIRST, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES, AXES_FIRST, begun, MultiAxis, numbers
 from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
 from imu_allan.noise.record.segments import SHORTEST_SEGMENT
@@ -48,8 +48,8 @@ class Estimator(MultiAxis):
         The first sample, which is subtracted from all.
     pyramid, periodogram, signal, census, interpolation_sums
         Statistics of the samples.
-    chunk : ndarray, shape (axes, CHUNK)
-        Buffer of `held` samples that are not processed yet.
+    chunk : ndarray, shape (axes, room)
+        Buffer of `held` samples that are not processed yet; a saved one has no room for others.
     interpolated_rows : list of int
         Interpolated rows of the chunk, in rising order.
     run, first : int
@@ -76,17 +76,11 @@ class Estimator(MultiAxis):
     reference: Array | None = field(default=None, metadata=AXES_FIRST)
     interpolated_rows: list[int] = field(default_factory=list)
     interpolation_sums: InterpolationSums = field(default_factory=InterpolationSums)
-    pyramid: Pyramid = field(init=False)
-    periodogram: Periodogram = field(init=False)
-    signal: Signal = field(init=False)
-    census: Census = field(init=False)
-    chunk: Array = field(init=False, metadata=AXES_FIRST)
-
-    def begin(self) -> None:
-        """Initialize empty parts."""
-        self.pyramid, self.periodogram = Pyramid(self.axes), Periodogram(self.axes)
-        self.signal, self.census = Signal(self.axes), Census(self.axes)
-        self.chunk = np.zeros((self.axes, CHUNK))
+    pyramid: Pyramid = field(init=False, metadata=begun(Pyramid))
+    periodogram: Periodogram = field(init=False, metadata=begun(Periodogram))
+    signal: Signal = field(init=False, metadata=begun(Signal))
+    census: Census = field(init=False, metadata=begun(Census))
+    chunk: Array = field(init=False, metadata=numbers(AXES, 0))
 
     @property
     def interpolation(self) -> Interpolation:
@@ -149,6 +143,8 @@ class Estimator(MultiAxis):
             return
         if self.reference is None:
             self.reference = block[0].copy()
+        if (room := CHUNK - self.chunk.shape[1]):
+            self.chunk = np.pad(self.chunk, ((0, 0), (0, room)))
         start = 0
         while start < len(block):
             take = min(CHUNK - self.held, len(block) - start)
@@ -199,27 +195,6 @@ class Estimator(MultiAxis):
         """Process all samples; then add no more."""
         self._absorb()
         self.periodogram.finish()
-
-    def select(self, axes: Sequence[int]) -> 'Estimator':
-        """
-        Return an independent copy with some of the axes.
-
-        Parameters
-        ----------
-        axes : sequence of int
-            Indices of the axes.
-
-        Examples
-        --------
-        >>> both = Estimator(axes=2)
-        >>> both.update(np.arange(8.0).reshape(4, 2))
-        >>> both.select([1]).mean
-        array([4.])
-
-        """
-        twin = self.copy()
-        twin.keep(list(axes))
-        return twin
 
     @property
     def mean(self) -> Array:
@@ -313,9 +288,3 @@ class Estimator(MultiAxis):
         The parts are not checked: the arrays have to be as `to_state` returned them.
         """
         return restored(cls, state)
-
-    def complete(self) -> None:
-        """Allocate the rest of the chunk."""
-        chunk = self.chunk
-        self.chunk = np.zeros((self.axes, CHUNK))
-        self.chunk[:, :self.held] = chunk

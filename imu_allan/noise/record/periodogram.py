@@ -30,7 +30,7 @@ from imu_allan.noise.record.cells import (
     RUN_SHIFT,
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
-from imu_allan.noise.record.multi_axis import AXES_FIRST, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES_FIRST, begun, MultiAxis
 from imu_allan.noise.record.segments import BLOCK, Segments
 from imu_allan.state import Record
 import numpy as np
@@ -115,11 +115,8 @@ class Stage(MultiAxis):
     """One stage of the spectrum: blocks of samples, or of means."""
 
     sums: dict[int, BlockSum] = field(default_factory=dict)    # by block length
-    waiting: Cells = field(init=False)    # means that do not fill a block yet
-
-    def begin(self) -> None:
-        """Initialize an empty stage."""
-        self.waiting = no_cells(self.axes)
+    # Means that do not fill a block yet
+    waiting: Cells = field(init=False, metadata=begun(no_cells))
 
     def _of(self, length: int) -> BlockSum:
         return self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
@@ -196,14 +193,10 @@ class Periodogram(MultiAxis):
 
     cell: int = 1    # samples in a cell of the series
     samples: int = 0
-    stages: list[Stage] = field(init=False)    # the first of samples, the others of means
-    series: Cells = field(init=False)    # the whole record
-    segments: Segments = field(init=False)
-
-    def begin(self) -> None:
-        """Initialize an empty spectrum."""
-        self.stages, self.series = [Stage(self.axes)], no_cells(self.axes)
-        self.segments = Segments(self.axes)
+    # The first of samples, the others of means
+    stages: list[Stage] = field(init=False, metadata=begun(lambda axes: [Stage(axes)]))
+    series: Cells = field(init=False, metadata=begun(no_cells))    # the whole record
+    segments: Segments = field(init=False, metadata=begun(Segments))
 
     def absorb(self, rows: Array, run: int, first: int) -> None:
         """

@@ -17,16 +17,15 @@ D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measure
 """
 
 from dataclasses import dataclass, field
+from itertools import count
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES_FIRST, AXES_SECOND, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES, AXES_FIRST, MultiAxis, numbers
 import numpy as np
 
 OVERLAP_OCTAVE = 3
 """8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
 OVERLAP = 2**OVERLAP_OCTAVE    # positions of a cluster within its own length
-_MAX_STAGES = 48
-"""2**48 samples, 8,900 years at 1 kHz. Limits what a state file may declare."""
 
 
 @dataclass(eq=False)
@@ -35,22 +34,15 @@ class Pyramid(MultiAxis):
 
     # (octaves, axes): sum of squared second differences of phase at cluster size
     # ``2**octave``, in squared sample units
-    sums: Array = field(init=False, metadata=AXES_SECOND)
+    sums: Array = field(init=False, metadata=numbers(OVERLAP_OCTAVE + 1, AXES))
     # (octaves,): number of differences in each sum
-    counts: Ints = field(init=False)
+    counts: Ints = field(init=False, metadata=numbers(OVERLAP_OCTAVE + 1, dtype=np.int64))
     # (axes, n): the last samples
-    newest: Array = field(init=False, metadata=AXES_FIRST)
+    newest: Array = field(init=False, metadata=numbers(AXES, 0))
     # Parity of the number of sums of `OVERLAP` samples, and of the sums of each later stage
-    odd: list[int] = field(init=False)
+    odd: list[int] = field(default_factory=lambda: [0])
     # (axes, n): last sums of the later stages
-    tails: list[Array] = field(init=False, metadata=AXES_FIRST)
-
-    def begin(self) -> None:
-        """Initialize empty sums."""
-        self.sums = np.zeros((OVERLAP_OCTAVE + 1, self.axes))
-        self.counts = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
-        self.newest, self.odd, self.tails = np.zeros((self.axes, 0)), [0], []
-        self._work = np.empty((3, self.axes, 0))
+    tails: list[Array] = field(default_factory=list, metadata=AXES_FIRST)
 
     def start_segment(self) -> None:
         """Discard the last samples, so that no difference is taken across this point."""
@@ -63,46 +55,35 @@ class Pyramid(MultiAxis):
 
         `rows`, shape (axes, n): in the unit of a sample.
         """
-        known, n = self.newest.shape[1], rows.shape[1]
-        # Reusing memory saves a third of the time. The last two arrays alternate between input
-        # and output.
-        if len(self._work[0]) != self.axes or self._work.shape[2] < known + n:
-            self._work = np.empty((3, self.axes, known + n))
-        room = self._work
-        window = room[2][:, :known + n]
-        window[:, :known], window[:, known:] = self.newest, rows
+        window, new = np.concatenate((self.newest, rows), axis=1), rows.shape[1]
         # As many previous samples as the next differences need.
         self.newest = window[:, 1 - 2 * OVERLAP:].copy()
         for octave in range(OVERLAP_OCTAVE):
             m = 2**octave
-            # Only differences that end at a new sample have not been counted yet.
-            self._add(octave, window, m, n)
-            left = max(window.shape[1] - m, 0)
-            window = np.add(window[:, m:], window[:, :left], out=room[1 + octave % 2][:, :left])
-        track, new = window, min(n, window.shape[1])
-        for stage in range(_MAX_STAGES):
-            known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
-            first = end - self._add(OVERLAP_OCTAVE + stage, track, OVERLAP, new)
+            self._add(octave, window, m, new)
+            window = window[:, m:] + window[:, :-m]
+        new = min(new, window.shape[1])
+        for stage in count():
+            known, end = window.shape[1] - new, max(window.shape[1] - OVERLAP, 0)
+            first = end - self._add(OVERLAP_OCTAVE + stage, window, OVERLAP, new)
             # Take every other pair, counted from the beginning of the segment.
             every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
-            sums = track[:, every] + track[:, OVERLAP:][:, every]
+            sums = window[:, every] + window[:, OVERLAP:][:, every]
             self.odd[stage] = (self.odd[stage] + new) % 2
             new = sums.shape[1]
             if not new:
                 break
             if stage == len(self.tails):
                 self._grow(stage + 1)
-            track = np.concatenate((self.tails[stage], sums), axis=1)
-            self.tails[stage] = track[:, -OVERLAP:].copy()
+            window = np.concatenate((self.tails[stage], sums), axis=1)
+            self.tails[stage] = window[:, -OVERLAP:].copy()
 
-    def _add(self, octave: int, track: Array, apart: int, new: int) -> int:
+    def _add(self, octave: int, window: Array, apart: int, new: int) -> int:
         """Add differences of values `apart` that end at one of the last `new`; return how many."""
-        left = max(track.shape[1] - apart, 0)
-        new = min(new, left)
+        new = min(new, max(window.shape[1] - apart, 0))
         if new:
-            d = np.subtract(track[:, left + apart - new:], track[:, left - new:left],
-                            out=self._work[0][:, :new])
-            self.sums[octave] += _square_sums(d)
+            last = window[:, -new - apart:]
+            self.sums[octave] += _square_sums(last[:, apart:] - last[:, :-apart])
             self.counts[octave] += new
         return new
 

@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES, EqualParts, numbers
 import numpy as np
 from scipy.fft import dct
 
@@ -30,6 +30,8 @@ OCTAVES = 12
 """The slowest band begins at 2**-12 cycles per sample; lower frequencies are in the series."""
 PER_OCTAVE = 8
 """Bands per octave. A line costs three: wider bands lose more, narrower ones scatter more."""
+BANDS = PER_OCTAVE * (OCTAVES - 1)
+"""Number of bands: the fastest octave ends at half the sample rate."""
 MEANS = 64
 """Samples in a mean for the slower transform, as in the first stage of the spectrum."""
 TRANSFORMS = ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1))
@@ -73,23 +75,16 @@ def layout(length: int, step: int) -> Layout:
 
 
 @dataclass(eq=False)
-class Segments(MultiAxis):
+class Segments(EqualParts):
     """Power by segment and band."""
 
     width: int = SHORTEST_SEGMENT    # samples in a whole segment, not counting gaps
     samples: int = 0    # number of samples added
     # (axes, SEGMENTS, bands): sum of squared orthonormal DCT-II coefficients, in squared
     # sample units
-    power: Array = field(init=False, metadata=AXES_FIRST)
+    power: Array = field(init=False, metadata=numbers(AXES, SEGMENTS, BANDS))
     # (SEGMENTS, bands): number of coefficients added
-    dof: Ints = field(init=False)
-
-    def begin(self) -> None:
-        """Initialize empty segments."""
-        # The fastest octave ends at half the sample rate.
-        bands = PER_OCTAVE * (OCTAVES - 1)
-        self.power = np.zeros((self.axes, SEGMENTS, bands))
-        self.dof = np.zeros((SEGMENTS, bands), np.int64)
+    dof: Ints = field(init=False, metadata=numbers(SEGMENTS, BANDS, dtype=np.int64))
 
     @property
     def used(self) -> int:
@@ -105,7 +100,7 @@ class Segments(MultiAxis):
         """
         n = rows.shape[1]
         while self.samples + n > SEGMENTS * self.width:
-            self._widen()
+            self.widen()
         at = (self.samples + n // 2) // self.width
         for length, count, power in blocks:
             # Shorter blocks, at the end of a segment, have under five octaves of coefficients.
@@ -121,18 +116,13 @@ class Segments(MultiAxis):
         self.power[:, at, place.bands] += np.add.reduceat(part, place.starts, axis=1)
         self.dof[at, place.bands] += count * place.counts
 
-    def _widen(self) -> None:
-        """Add neighbouring segments in pairs."""
-        self.power, self.dof = in_pairs(self.power, 1), in_pairs(self.dof, 0)
-        self.width *= 2
-
     def merge(self, other: 'Segments') -> None:
         """Append the segments of another record."""
         theirs = other.copy()
         while self.width < theirs.width or self.samples + theirs.samples > SEGMENTS * self.width:
-            self._widen()
+            self.widen()
         while theirs.width < self.width:
-            theirs._widen()
+            theirs.widen()
         for number in range(theirs.used):
             # The first record may end within a segment. So assign each further segment by its
             # middle, which keeps the number of samples before a segment as in the series.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES_FIRST, in_pairs, MultiAxis
+from imu_allan.noise.record.multi_axis import AXES, EqualParts, numbers
 import numpy as np
 
 COLUMNS = 512
@@ -67,22 +67,16 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
 
 
 @dataclass(eq=False)
-class Signal(MultiAxis):
+class Signal(EqualParts):
     """Lowest, mean and highest value of several axes over time."""
 
-    width: int = 1    # places of the grid in a column
     place: int = 0    # of the next sample
-    counts: Ints = field(init=False)    # (COLUMNS,): samples in each column
+    # (COLUMNS,): samples in each column
+    counts: Ints = field(init=False, metadata=numbers(COLUMNS, dtype=np.int64))
     # (axes, COLUMNS): sums and extremes, which is all that is needed to merge columns
-    sums: Array = field(init=False, metadata=AXES_FIRST)
-    low: Array = field(init=False, metadata=AXES_FIRST)
-    high: Array = field(init=False, metadata=AXES_FIRST)
-
-    def begin(self) -> None:
-        """Initialize empty columns."""
-        self.counts = np.zeros(COLUMNS, dtype=np.int64)
-        self.sums = np.zeros((self.axes, COLUMNS))
-        self.low, self.high = self.sums + np.inf, self.sums - np.inf
+    sums: Array = field(init=False, metadata=numbers(AXES, COLUMNS))
+    low: Array = field(init=False, metadata=numbers(AXES, COLUMNS, merge=np.minimum))
+    high: Array = field(init=False, metadata=numbers(AXES, COLUMNS, merge=np.maximum))
 
     def skip(self, places: int) -> None:
         """Leave `places` of the grid empty."""
@@ -96,7 +90,7 @@ class Signal(MultiAxis):
         """
         n = rows.shape[1]
         while self.place + n > COLUMNS * self.width:
-            self._widen()
+            self.widen()
         begin = 0
         while begin < n:
             column, inside = divmod(self.place, self.width)
@@ -133,13 +127,11 @@ class Signal(MultiAxis):
         added to its values.
         """
         theirs = other.copy()
-        while self.width < theirs.width:
-            self._widen()
+        while self.width < theirs.width or -(-self.place // self.width) + -(
+                -theirs.place // self.width) > COLUMNS:
+            self.widen()
         while theirs.width < self.width:
-            theirs._widen()
-        while -(-self.place // self.width) + -(-theirs.place // theirs.width) > COLUMNS:
-            self._widen()
-            theirs._widen()
+            theirs.widen()
         begin, count = -(-self.place // self.width), -(-theirs.place // theirs.width)
         there = slice(begin, begin + count)
         self.counts[there] = theirs.counts[:count]
@@ -147,10 +139,3 @@ class Signal(MultiAxis):
         self.low[:, there] = theirs.low[:, :count] + shift[:, None]
         self.high[:, there] = theirs.high[:, :count] + shift[:, None]
         self.place = begin * self.width + theirs.place
-
-    def _widen(self) -> None:
-        """Merge neighbouring columns in pairs."""
-        self.counts, self.sums = in_pairs(self.counts, 0), in_pairs(self.sums, 1)
-        self.low = in_pairs(self.low, 1, np.minimum, np.inf)
-        self.high = in_pairs(self.high, 1, np.maximum, -np.inf)
-        self.width *= 2

@@ -69,8 +69,7 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
     seconds. `mean`: over the record. Returns: a copy with this axis only. Bands of segments with
     too much leakage are empty.
     """
-    calm = periodogram.copy()
-    calm.keep([axis])
+    calm = periodogram.select([axis])
     series, segments = calm.series, calm.segments
     middle = (end_to_end(series.keys) + 0.5) * calm.cell
     calm.shift_cells(-mean(np.asarray(middle * dt, dtype=np.float64)))
