@@ -63,7 +63,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
     other = np.ones(count, dtype=bool)
     # The corner of a high-pass needs that many; what creeps on approaches the end of a range.
     for step in range(16):
-        damped = information[live].copy()
+        damped = information[live]
         diagonal = np.einsum('rii->ri', damped)
         diagonal *= 1 + damping[live, None]
         diagonal += 1e-9

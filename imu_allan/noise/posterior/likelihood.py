@@ -218,8 +218,8 @@ def batches(rows: Rows) -> list[Ints]:
     for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
         # A few rows are faster to compute in a batch with slots they lack than in their own.
         if end - begin >= 24 or end == len(order) > begin:
-            # At most 64 rows stay in the cache.
-            found += np.array_split(order[begin:end], -(-(end - begin) // 64))
+            # At most 256 rows stay in the cache.
+            found += np.array_split(order[begin:end], -(-(end - begin) // 256))
             begin = end
     return found
 
@@ -233,7 +233,7 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     -------
     lam : ndarray, shape (rows, groups)
     jacobian : ndarray, shape (used slots, rows, groups)
-        Derivatives; without `slopes`, only twice the power of the terms.
+        Derivatives; none without `slopes`, for rows that all describe the same spectrum.
     used : ndarray of int
         Slots of `jacobian`.
 
@@ -241,16 +241,21 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     has, of = rows.has, _shared(rows.of)
     used = np.flatnonzero(has.any(axis=0))
     place = {slot: number for number, slot in enumerate(used.tolist())}
-    terms = [slot for slot in place if slot < PLAIN]
-    jacobian = np.empty((len(used) if slopes else len(terms), len(x), spectra.dof.shape[1]))
-    twice = np.where(has[:, :PLAIN], 2 * np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
-    body, behind = np.zeros(jacobian.shape[1:]), np.zeros(jacobian.shape[1:])
-    for slot in terms:
-        part = np.multiply(spectra.columns[of, slot], twice[:, slot, None],
-                           out=jacobian[place[slot]])
-        total = behind if AT_OUTPUT[slot] else body
-        total += part
-    body *= 0.5
+    shape = len(x), spectra.dof.shape[1]
+    jacobian = np.empty((len(used) if slopes else 0, *shape))
+    level = np.where(has[:, :PLAIN], np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
+    if slopes:
+        body, behind = np.zeros(shape), np.zeros(shape)
+        for slot in used[used < PLAIN].tolist():
+            part = np.multiply(spectra.columns[of, slot], 2 * level[:, slot, None],
+                               out=jacobian[place[slot]])
+            total = behind if AT_OUTPUT[slot] else body
+            total += part
+        body *= 0.5
+        behind *= 0.5
+    else:
+        body, behind = (level[:, own] @ spectra.columns[of[0], own]
+                        for own in (~AT_OUTPUT, AT_OUTPUT))
     for k, table in enumerate(spectra.free):
         slot = PLAIN + 2 * k
         if slot in place:
@@ -274,12 +279,18 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
                     jacobian[number] *= response
             for slot, _, slope in bends:
                 np.multiply(body, slope, out=jacobian[place[slot]])
-    return np.maximum(body + 0.5 * behind, 1e-300), jacobian, used
+    return np.maximum(body + behind, 1e-300), jacobian, used
 
 
 def _shared(of: Ints) -> Ints:
     """Shorten an index that is the same for all rows to one entry, so that nothing is copied."""
     return of[:1] if (of == of[0]).all() else of
+
+
+def _row_sums(values: Array, weights: Array) -> Array:
+    """Add up each row with its weights; a single row of weights is that of all."""
+    return np.asarray(values @ weights[0] if len(weights) == 1 else
+                      np.einsum('rg,rg->r', values, weights))
 
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
@@ -290,7 +301,7 @@ def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]
         some = rows.take(part)
         lam, jacobian, used = spectrum(spectra, some, x[part])
         weight, misfit = _weighed(spectra, some, lam)
-        products = spectra.products[some.of]
+        products = spectra.products[_shared(some.of)]
         gain, size, covariance = mean(products, spectra.records, weight)
         about = residual_power(spectra.power[some.of], products, size, covariance)
         weighed = (jacobian * (0.5 * weight / lam)).transpose(1, 0, 2)
@@ -310,30 +321,33 @@ def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, A
     """Regress the mean beside rows: expected power, weights, sizes and covariance as in `mean`."""
     lam, _, _ = spectrum(spectra, rows, x, slopes=False)
     weight, _ = _weighed(spectra, rows, lam)
-    _, size, covariance = mean(spectra.products[rows.of], spectra.records, weight)
+    _, size, covariance = mean(spectra.products[_shared(rows.of)], spectra.records, weight)
     return lam, weight, size, covariance
 
 
 def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
     """Return the negative log posterior of rows, without derivatives."""
     loss = -log_prior(spectra, rows, x)[0]
-    for part in batches(rows):
-        some = rows.take(part)
-        lam, _, _ = spectrum(spectra, some, x[part], slopes=False)
-        weight, misfit = _weighed(spectra, some, lam)
-        loss[part] += misfit - mean(spectra.products[some.of], spectra.records, weight)[0]
+    for axis in np.unique(rows.of).tolist():
+        own = np.flatnonzero(rows.of == axis)
+        for part in batches(rows.take(own)):
+            some = rows.take(own[part])
+            lam, _, _ = spectrum(spectra, some, x[own[part]], slopes=False)
+            weight, misfit = _weighed(spectra, some, lam)
+            loss[own[part]] += misfit - mean(
+                spectra.products[[axis]], spectra.records, weight)[0]
     return loss
 
 
 def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
     """Return the weights of groups below the edge of each row, and the loss without the mean."""
-    of = _shared(rows.of)
+    of, edge = _shared(rows.of), _shared(rows.edge)
     dof = spectra.dof[of]
-    if rows.edge.min() < lam.shape[1]:
-        dof = dof * (np.arange(lam.shape[1]) < rows.edge[:, None])
+    if edge.min() < lam.shape[1]:
+        dof = dof * (np.arange(lam.shape[1]) < edge[:, None])
     weight = dof / lam
-    each = dof * np.log(lam) + weight * spectra.power[of]
-    return weight, 0.5 * each.sum(axis=1) + spectra.unexplained[rows.of, rows.edge]
+    twice = _row_sums(np.log(lam), dof) + _row_sums(weight, spectra.power[of])
+    return weight, 0.5 * twice + spectra.unexplained[rows.of, rows.edge]
 
 
 def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:

@@ -55,8 +55,15 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
     covariance : ndarray, shape (rows, records, regressors, regressors)
 
     """
-    found = np.matmul(products, weight[:, :, None]).reshape(len(weight), records, -1)
+    found = weight @ products[0].T if len(products) == 1 else np.matmul(
+        products, weight[:, :, None])
+    found = found.reshape(len(weight), records, -1)
     count = int(np.sqrt(found.shape[2]))
+    if count == 1:
+        target, gram = found[:, :, :1], found[:, :, 1:]
+        single = np.where(gram > 0, gram, 1.0)
+        gain = 0.5 * (target * (target / single) - np.log(single)).sum(axis=(1, 2))
+        return gain, target / single, (1 / single)[..., None]
     # One contiguous array per element of the matrix [[A, b], [b', 0]].
     found = np.ascontiguousarray(found.transpose(2, 0, 1))
     table = np.zeros((count + 1, count + 1, *found.shape[1:]))
@@ -85,7 +92,9 @@ def residual_power(power: Array, products: Array, size: Array, covariance: Array
     """Return the power about the mean, as expected of the noise alone, shape (rows, groups)."""
     second = size[..., :, None] * size[..., None, :] + covariance
     factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
-    about = power + np.matmul(factors.reshape(len(size), 1, -1), products)[:, 0]
+    factors = factors.reshape(len(size), 1, -1)
+    about = power + (factors[:, 0] @ products[0] if len(products) == 1 else np.matmul(
+        factors, products)[:, 0])
     return np.asarray(np.maximum(about, 1e-12 * power))
 
 

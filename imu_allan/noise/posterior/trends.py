@@ -415,11 +415,10 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> list[tuple[_Se
     candidates = [_nearer(candidate, beside, of_axis(rows, number))
                   for number, candidate in enumerate(candidates)]
     beside, rows = _climbed(spectra, candidates, rows)
-    sizes = fitted_mean(beside, rows, rows.x)[2][:, 0]
     fitted = []
     for number, (search, found) in enumerate(candidates):
-        here = np.flatnonzero(rows.of == number)
-        own, occam = rows.take(here), _occam(sizes[here], found)
+        own = of_axis(rows, number)
+        occam = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
         fitted.append((search, TrendSet(found, beside, replace(
             own, evidence=own.evidence + occam, prior=own.prior + occam))))
     return fitted
