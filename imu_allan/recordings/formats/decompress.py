@@ -35,6 +35,9 @@ PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
 """Any file may expand to this many bytes, plus this many times its size. Real recordings reach
 a ratio of 20."""
 
+LARGEST_CHUNK = 1 << 28
+"""Largest size in bytes, compressed or not; recorders write 768 kB by default."""
+
 
 class DamagedData(ValueError):
     """Data that contradicts its declaration; the message gives the reason."""
@@ -147,6 +150,16 @@ class ReadingLimits:
         if size > self._bytes:
             raise DamagedData(f'the file expands to more than {MOST_RATIO} times its size')
         self._bytes -= size
+
+
+def expanded(file: BinaryIO, compression: str, stored: int, size: int, limits: ReadingLimits,
+             ) -> bytes:
+    """Decompress the next `stored` bytes of a file, a chunk of `size` bytes, within `limits`."""
+    if max(size, stored) > LARGEST_CHUNK:
+        raise DamagedData(f'{max(size, stored)} bytes are more than a chunk may have')
+    if compression not in ('', 'none'):
+        limits.expand(size)
+    return decompress(compression, file.read(stored), size)
 
 
 def unpacked(batches: Iterable[MessageBatch], limits: ReadingLimits) -> Iterator[MessageBatch]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from itertools import chain
 from struct import Struct
+from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.cdr import MessageBatch, rows_like_first, runs
@@ -26,7 +27,9 @@ from numpy.typing import NDArray
 RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
-_MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
+_HEAD = np.dtype([('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('number', '<u4'),
+                  ('log_ns', '<i8'), ('publish_ns', '<i8')])
+"""What precedes the data of a message (MCAP, op 0x05)."""
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel, which equal records share."""
 OPCODE_LENGTH = Struct('<BQ')
@@ -58,7 +61,7 @@ def gather(
             break
         limits.step()
         if opcode == _MESSAGE:
-            if stride < _MESSAGE_HEAD:
+            if stride < _HEAD.itemsize:
                 break
             key = buffer[at:at + _KEY]
             # Two probes are cheap; comparing a whole run is not.
@@ -126,10 +129,15 @@ def equal_records(buffer: bytes, at: int, stride: int) -> int:
     return count
 
 
+def anywhere(buffer: bytes, kind: np.dtype[Any] | str) -> NDArray[Any]:
+    """View what begins at each byte of a buffer as an item of this type."""
+    kind = np.dtype(kind)
+    return np.ndarray((max(len(buffer) - kind.itemsize + 1, 0),), kind, buffer, 0, (1,))
+
+
 def collect(buffer: bytes, offsets: Ints, size: int) -> NDArray[np.uint8]:
     """Copy `size` bytes at each of `offsets`; return shape (len(offsets), size)."""
-    anywhere = np.ndarray((len(buffer) - size + 1,), f'V{size}', buffer, 0, (1,))
-    return anywhere[offsets].view(np.uint8).reshape(-1, size)
+    return anywhere(buffer, f'V{size}')[offsets].view(np.uint8).reshape(-1, size)
 
 
 def _verified(
@@ -138,17 +146,17 @@ def _verified(
 ) -> Ints | None:
     """Sort `places` from `at` on; return None unless their records fill the rest of the buffer."""
     places = np.unique(places[places >= at])
-    if len(places) == 0 or places[-1] > len(buffer) - _MESSAGE_HEAD:
+    heads = anywhere(buffer, _HEAD)
+    if len(places) == 0 or places[-1] >= len(heads):
         return None
-    lengths = _lengths(buffer, places)
-    ends = places + RECORD_HEAD + lengths
-    if ((np.frombuffer(buffer, np.uint8)[places] != _MESSAGE).any()
-            or lengths.min() < _MESSAGE_HEAD - RECORD_HEAD or lengths.max() > len(buffer)):
+    lengths = heads['length'][places].astype(np.int64)
+    if ((heads['opcode'][places] != _MESSAGE).any()
+            or lengths.min() < _HEAD.itemsize - RECORD_HEAD or lengths.max() > len(buffer)):
         return None
-    gaps = [(at, int(places[0])), (int(ends[-1]), len(buffer))]
-    for gap in np.flatnonzero(places[1:] != ends[:-1]).tolist():
-        gaps.append((int(ends[gap]), int(places[gap + 1])))
-    if all(_only_descriptions(buffer, *gap, describe) for gap in gaps):
+    starts, stops = np.append(places, len(buffer)), np.append(at, places + RECORD_HEAD + lengths)
+    gaps = np.flatnonzero(starts != stops)
+    if all(_only_descriptions(buffer, stop, start, describe)
+           for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True)):
         return places
     return None
 
@@ -167,7 +175,7 @@ def _only_descriptions(
 
 
 def _of_channels(buffer: bytes, places: Ints, wanted: AbstractSet[int]) -> Ints:
-    channels = np.ndarray((len(buffer) - _KEY + 1,), '<u2', buffer, RECORD_HEAD, (1,))[places]
+    channels = anywhere(buffer, _HEAD)['channel'][places]
     # Compare distinct channels: all 65,536 may be wanted, but a chunk contains only a few.
     kinds, which = np.unique(channels, return_inverse=True)
     chosen = np.array([number in wanted for number in kinds.tolist()])
@@ -175,24 +183,14 @@ def _of_channels(buffer: bytes, places: Ints, wanted: AbstractSet[int]) -> Ints:
     return kept
 
 
-def _lengths(buffer: bytes, places: Ints) -> Ints:
-    lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<i8', buffer, 1, (1,))
-    return lengths[places]
-
-
 def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatch]:
     """Copy the message records at `offsets`, in order, into arrays of equal record size."""
-    if len(offsets) == 0:
-        return
-    places = np.array(offsets)
-    lengths = _lengths(buffer, places)
+    places = np.array(offsets, np.int64)
+    lengths = anywhere(buffer, _HEAD)['length'][places]
     for start, stop in runs(np.diff(lengths) != 0, len(places)):
         yield _batch(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
 
 
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
-    log_time_at = RECORD_HEAD + 6   # after channel and sequence
-    log_time = records[:, log_time_at:log_time_at + 8].view('<i8')[:, 0]
-    number_at = RECORD_HEAD + 2   # after channel
-    number = records[:, number_at:number_at + 4].view('<u4')[:, 0]
-    return MessageBatch(records[:, _MESSAGE_HEAD:], log_time, number)
+    heads = records[:, :_HEAD.itemsize].view(_HEAD)[:, 0]
+    return MessageBatch(records[:, _HEAD.itemsize:], heads['log_ns'], heads['number'])

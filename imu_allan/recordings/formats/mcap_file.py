@@ -14,28 +14,28 @@ MCAP format specification, https://mcap.dev/spec
 
 """
 
-from collections.abc import Callable, Iterator, Set as AbstractSet
-from io import BytesIO, SEEK_CUR
+from collections.abc import Callable, Iterable, Mapping, Set as AbstractSet
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
 
 from imu_allan.arrays import Ints
-from imu_allan.block import ImuBlock
+from imu_allan.cdr import MessageBatch
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
-    Damage,
-    Decode,
-    LARGEST_CHUNK,
+    Head,
+    Kind,
     LARGEST_DESCRIPTION,
     Part,
 )
 from imu_allan.recordings.formats.decompress import (
     crc32,
     DamagedData,
-    decompress,
+    expanded,
     ReadingLimits,
     unpacked,
 )
@@ -51,19 +51,20 @@ import numpy as np
 MAGIC = b'\x89MCAP0\r\n'
 
 Record = TypeVar('Record')
-Index = Callable[[], Ints]
-Gathered = Callable[..., tuple[list[ImuBlock], int]]
-"""Takes a buffer and optionally its message index; returns decoded blocks and bytes consumed."""
-
 _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
-WINDOW = 1 << 22
-"""Bytes read at a time outside of chunks."""
+_INDEX_ENTRY = np.dtype([('time', '<u8'), ('place', '<u8')])
+"""An entry of the index after a chunk: receive stamp, and offset of a message."""
+_KINDS: Mapping[int, Kind | None] = {
+    0: None, Opcode.CHUNK: 'chunk', Opcode.MESSAGE_INDEX: 'index',
+    **dict.fromkeys((Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL), 'message'),
+    **dict.fromkeys((Opcode.DATA_END, Opcode.FOOTER), 'end')}
 
 
 class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
+    _magic = MAGIC
     # They take a fifth of a second.
     _most_steps = 100_000
 
@@ -71,29 +72,15 @@ class McapRecording(ChunkedRecording):
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
         super().__init__(path, stored, options)
 
-    def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
-                ) -> Iterator[list[ImuBlock]]:
-        def describe(opcode: int, body: bytes) -> None:
-            number = self._describe(opcode, body)
-            if number is not None:
-                enter(number)
-
-        def gathered(buffer: bytes, index: Index | None = None) -> tuple[list[ImuBlock], int]:
-            batches, consumed = gather(buffer, wanted, describe, index, limits)
-            return decode(unpacked(batches, limits)), consumed
-
-        file.seek(part.start)
-        limits.begin(part.length)
-        if not part.is_chunk:
-            yield from _stream(file, part.length, gathered)
-            return
-        # Hold no buffer while the caller works. Memory freed before the next buffer is allocated
-        # is reused, which saves a quarter of the decompression time.
-        blocks, rest = _chunk(file, part, gathered, limits)
-        yield blocks
-        if rest:
-            raise DamagedData(f'{rest} bytes at its end are not whole records')
+    def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
+                 limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
+        data = (_chunk_data(file, part.stop - part.start, limits) if part.is_chunk
+                else file.read(part.stop - part.start))
+        batches, consumed = gather(data, wanted, self._describe,
+                                   lambda: _message_places(file, part), limits)
+        rest = len(data) - consumed
+        return (unpacked(batches, limits),
+                f'{rest} bytes at its end are not whole records' if rest else '')
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read channels, counts and chunk offsets from the summary; return False without one."""
@@ -141,17 +128,15 @@ class McapRecording(ChunkedRecording):
             else:
                 self._describe(opcode, body)
         self._chunk_starts.sort()
-        return bool(self._channels)
+        return True
 
-    def _describe(self, opcode: int, body: bytes) -> int | None:
-        """Store a schema or channel record; return the id of a new channel."""
+    def _describe(self, opcode: int, body: bytes) -> None:
+        """Store a schema or channel record, the first of its number."""
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
         if (opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or number in known
-                or len(body) > LARGEST_DESCRIPTION):
-            return None
-        if not self.reserve_bytes(len(body)):
-            return None
+                or len(body) > LARGEST_DESCRIPTION or not self.reserve_bytes(len(body))):
+            return
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)
             if schema is not None and len(schema.name) <= _LONGEST_NAME:
@@ -159,115 +144,52 @@ class McapRecording(ChunkedRecording):
                 self._schemas[number] = schema.name, (
                     None if form is None or not schema.data.strip()
                     else Definition(schema.data.decode('utf-8', 'replace'), form))
-        elif opcode == Opcode.CHANNEL:
+        else:
             channel = _parsed(ChannelRecord.read, body)
             if channel is not None and len(channel.topic) <= _LONGEST_NAME:
                 name, definition = self._schemas.get(channel.schema_id, ('', None))
                 self._channels[number] = Channel(
                     channel.topic, name, channel.message_encoding[:_LONGEST_NAME], definition)
-                return number
-        return None
 
-    def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
-        """Yield the parts of the data section: chunks, and runs of records outside of chunks."""
-        at = len(MAGIC)
-        part: Part | None = None
-        loose = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
-        while True:
-            file.seek(at)
-            head = file.read(RECORD_HEAD)
-            opcode, length = OPCODE_LENGTH.unpack(head) if len(head) == RECORD_HEAD else (0, 0)
-            start = at + RECORD_HEAD
-            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                break
-            if opcode == 0 or start + length > (self._next_chunk(at) or self.size_bytes):
-                known = self._skip_to_chunk(at, damage, opcode == Opcode.CHUNK)
-                if known is None:
-                    break
-                at = known
-                continue
-            if opcode == Opcode.MESSAGE_INDEX and part is not None and part.is_chunk:
-                number = int.from_bytes(file.read(2), 'little')
-                part.indexes[number] = start + 6, max(0, length - 6) // 16
-                at = start + length
-                continue
-            if part is not None and not (
-                    opcode in loose and not part.is_chunk and part.start + part.length == at):
-                yield part
-                part = None
-            if opcode == Opcode.CHUNK:
-                part = Part(start, length, True)
-                damage.chunks += 1
-            elif opcode in loose:
-                if part is None:
-                    part = Part(at, 0, False)
-                part.length = start + length - part.start
-            at = start + length
-        if part is not None:
-            yield part
+    def _head(self, file: BinaryIO, at: int) -> Head:
+        file.seek(at)
+        head = file.read(RECORD_HEAD)
+        opcode, length = OPCODE_LENGTH.unpack(head) if len(head) == RECORD_HEAD else (0, 0)
+        kind, start = _KINDS.get(opcode, 'other'), at + RECORD_HEAD
+        stop = start + length
+        if kind == 'index':
+            number = int.from_bytes(file.read(2), 'little')
+            # The length of the entries in bytes comes before them.
+            return Head(kind, at, stop, {
+                number: (start + 6, max(0, length - 6) // _INDEX_ENTRY.itemsize)})
+        return Head(kind, start if kind == 'chunk' else at, at if kind == 'end' else stop)
 
 
-def _chunk(file: BinaryIO, part: Part, gathered: Gathered, limits: ReadingLimits,
-           ) -> tuple[list[ImuBlock], int]:
-    """Decode a chunk; also return the number of bytes at its end that are not records."""
+def _chunk_data(file: BinaryIO, length: int, limits: ReadingLimits) -> bytes:
+    """Decompress a chunk; raise DamagedData if damaged."""
     chunk_head = Struct('<QQQII')
-    head = file.read(min(chunk_head.size, part.length))
+    head = file.read(min(chunk_head.size, length))
     if len(head) < chunk_head.size:
         raise DamagedData('a chunk record without a header')
     _, _, size, crc, text = chunk_head.unpack(head)
-    rest = part.length - chunk_head.size
+    rest = length - chunk_head.size
     if text > min(rest - 8, _LONGEST_NAME):
         raise DamagedData(f'a compression name of {text} bytes')
     compression = file.read(text).decode('utf-8', 'replace')
     stored = int.from_bytes(file.read(8), 'little')
     if stored > rest - 8 - text:
-        raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
-    if max(size, stored) > LARGEST_CHUNK:
-        raise DamagedData(f'{max(size, stored)} bytes are more than a chunk may have')
-    if compression not in ('', 'none'):
-        limits.expand(size)
-    data = decompress(compression, file.read(stored), size)
+        raise DamagedData(f'{stored} bytes declared in a record of {length}')
+    data = expanded(file, compression, stored, size, limits)
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
-    blocks, consumed = gathered(data, lambda: _message_places(file, part))
-    return blocks, len(data) - consumed
+    return data
 
 
 def _message_places(file: BinaryIO, part: Part) -> Ints:
     """Read the message offsets declared by the indexes after a chunk, unless absurdly many."""
-    places = [np.zeros(0, np.int64)]
-    if 16 * sum(count for _, count in part.indexes.values()) <= LARGEST_CHUNK:
-        for start, count in part.indexes.values():
-            file.seek(start)
-            places.append(np.frombuffer(file.read(16 * count), '<i8').reshape(-1, 2)[:, 1])
-    return np.concatenate(places)
-
-
-def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuBlock]]:
-    """Decode records outside of chunks, one window at a time."""
-    kept = b''
-    while left:
-        window = file.read(min(WINDOW, left))
-        if not window:
-            raise DamagedData(f'it ends {left} bytes early')
-        left -= len(window)
-        window = kept + window
-        blocks, consumed = gathered(window)
-        kept = window[consumed:]
-        del window
-        yield blocks
-        if len(kept) > RECORD_HEAD:
-            _, length = OPCODE_LENGTH.unpack_from(kept)
-            missing = RECORD_HEAD + length - len(kept)
-            if missing <= 0 or missing > left:
-                break
-            if missing > WINDOW:
-                # Too large for an Imu message; probably an image or a point cloud.
-                kept = b''
-                left -= missing
-                file.seek(missing, SEEK_CUR)
-    if kept:
-        raise DamagedData(f'{len(kept) + left} bytes at its end are not whole records')
+    with suppress(DamagedData):
+        return np.concatenate(part.entries(file, _INDEX_ENTRY))['place'].astype(np.int64)
+    return np.empty(0, np.int64)
 
 
 def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | None:

@@ -14,25 +14,22 @@ ROS wiki, Bags/Format/2.0
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Set as AbstractSet
+from collections.abc import Iterable, Set as AbstractSet
 from contextlib import suppress
 from typing import BinaryIO, NamedTuple
 
 from imu_allan.arrays import Ints
-from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, runs
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
-    Damage,
-    Decode,
-    LARGEST_CHUNK,
+    Head,
     LARGEST_DESCRIPTION,
     Part,
 )
-from imu_allan.recordings.formats.decompress import DamagedData, decompress, ReadingLimits
-from imu_allan.recordings.formats.gather import collect
+from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
+from imu_allan.recordings.formats.gather import anywhere, collect
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
 
@@ -49,26 +46,25 @@ _Fields = dict[str, bytes]
 class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
+    _magic = MAGIC
     # They take a fifth of a second.
     _most_steps = 20_000
 
-    def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                enter: Callable[[int], None], decode: Decode, limits: ReadingLimits,
-                ) -> Iterator[list[ImuBlock]]:
+    def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
+                 limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
         buffer = _chunk_data(file, part, limits)
         connections, times, places = _indexed(file, part)
         bodies = places + 4 + _lengths(buffer, places)
         sizes = _lengths(buffer, bodies)
-        ends = bodies + 4 + sizes
-        starts, stops = np.append(places, len(buffer)), np.append(0, ends)
-        for gap in np.flatnonzero(starts != stops).tolist():
-            self._gather_connections(buffer, int(stops[gap]), int(starts[gap]), enter, limits)
+        starts, stops = np.append(places, len(buffer)), np.append(0, bodies + 4 + sizes)
+        gaps = np.flatnonzero(starts != stops)
+        for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True):
+            self._gather_connections(buffer, stop, start, limits)
         chosen = np.isin(connections, [*wanted & part.indexes.keys()])
         bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
-        yield decode(
-            MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
-                         times[first:last])
-            for first, last in runs(np.diff(sizes) != 0, len(sizes)))
+        return (MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
+                             times[first:last])
+                for first, last in runs(np.diff(sizes) != 0, len(sizes))), ''
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read connections and counts from the end of the bag; return False if it lacks them."""
@@ -110,53 +106,35 @@ class Ros1Recording(ChunkedRecording):
                 at = record.start + record.length
             self._chunk_starts.sort()
             self._counts, self._counted = dict(counts), bool(counts)
-        return bool(self._channels) and at == self.size_bytes
+        return at == self.size_bytes
 
-    def _describe(self, fields: _Fields, data: bytes) -> int | None:
-        """Store a connection record; return its number if it is new."""
+    def _describe(self, fields: _Fields, data: bytes) -> None:
+        """Store a connection record, the first of its number, unless damaged."""
         with suppress(DamagedData):
-            number = _number(fields, 'conn', 4)
-            if number in self._channels:
-                return None
-            topic = _text(fields, 'topic')
-            if not self.reserve_bytes(len(topic) + len(data)):
-                return None
+            number, topic = _number(fields, 'conn', 4), _text(fields, 'topic')
+            if number in self._channels or not self.reserve_bytes(len(topic) + len(data)):
+                return
             described = _fields_of(data)
             text = described.get('message_definition', b'').decode('utf-8', 'replace')
             self._channels[number] = Channel(
                 topic, _text(described, 'type'), 'ros1',
                 Definition(text) if text.strip() else None)
-            return number
-        return None
 
-    def _parts(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
-        """Yield the chunks."""
-        at = len(MAGIC)
-        part: Part | None = None
-        while True:
-            record = _record(file, at, self._next_chunk(at) or self.size_bytes)
-            if record is not None and record.fields['op'] == _INDEX and part is not None:
-                with suppress(DamagedData):
-                    part.indexes[_number(record.fields, 'conn', 4)] = (
-                        record.start, record.length // _ENTRY.itemsize)
-            elif part is not None:
-                yield part
-                part = None
-            if record is None:
-                known = self._skip_to_chunk(at, damage)
-                if known is None:
-                    break
-                at = known
-                continue
-            if record.fields['op'] == _CHUNK:
-                part = Part(at, record.start + record.length - at, is_chunk=True)
-                damage.chunks += 1
-            elif record.fields['op'] in (_CONNECTION, _CHUNK_INFO):
-                break
-            at = record.start + record.length
+    def _head(self, file: BinaryIO, at: int) -> Head:
+        record = _record(file, at, self.size_bytes)
+        if record is None:
+            return Head(None)
+        kind, stop = record.fields['op'], record.start + record.length
+        if kind == _INDEX:
+            with suppress(DamagedData):
+                return Head('index', at, stop, {_number(record.fields, 'conn', 4): (
+                    record.start, record.length // _ENTRY.itemsize)})
+            return Head('index', at, stop)
+        return Head('chunk' if kind == _CHUNK else
+                    'end' if kind in (_CONNECTION, _CHUNK_INFO) else 'other', at, stop)
 
-    def _gather_connections(self, buffer: bytes, at: int, stop: int,
-                            enter: Callable[[int], None], limits: ReadingLimits) -> None:
+    def _gather_connections(self, buffer: bytes, at: int, stop: int, limits: ReadingLimits,
+                            ) -> None:
         """Store the connections of the records between two messages."""
         while at != stop:
             limits.step()
@@ -167,9 +145,7 @@ class Ros1Recording(ChunkedRecording):
                 raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
                                   'record of a connection')
             if end - start <= LARGEST_DESCRIPTION:
-                number = self._describe(fields, buffer[start:end])
-                if number is not None:
-                    enter(number)
+                self._describe(fields, buffer[start:end])
             at = end
 
 
@@ -229,27 +205,16 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
 
 def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
     """Decompress a chunk within `limits`; raise DamagedData if damaged."""
-    limits.begin(part.length)
-    record = _record(file, part.start, part.start + part.length)
+    record = _record(file, part.start, part.stop)
     if record is None:
         raise DamagedData('no header')
-    size = _number(record.fields, 'size', 4)
-    compression = _text(record.fields, 'compression')
-    if max(size, record.length) > LARGEST_CHUNK:
-        raise DamagedData(f'{max(size, record.length)} bytes are more than a chunk may have')
-    if compression != 'none':
-        limits.expand(size)
-    return decompress(compression, file.read(record.length), size)
+    return expanded(file, _text(record.fields, 'compression'), record.length,
+                    _number(record.fields, 'size', 4), limits)
 
 
 def _indexed(file: BinaryIO, part: Part) -> tuple[Ints, Ints, Ints]:
     """Return connection, receive stamp and place of the messages in a chunk, by its index."""
-    if _ENTRY.itemsize * sum(count for _, count in part.indexes.values()) > LARGEST_CHUNK:
-        raise DamagedData('its index is larger than a chunk may be')
-    held = [np.empty(0, _ENTRY)]
-    for start, count in part.indexes.values():
-        file.seek(start)
-        held.append(np.frombuffer(file.read(_ENTRY.itemsize * count), _ENTRY))
+    held = part.entries(file, _ENTRY)
     entries = np.concatenate(held)
     order = np.argsort(entries['place'], kind='stable')
     connections = np.repeat(np.array([*part.indexes], np.int64), [*map(len, held[1:])])
@@ -262,5 +227,4 @@ def _lengths(buffer: bytes, places: Ints) -> Ints:
     """Read a length at each place; raise DamagedData if one is beyond the end."""
     if len(places) and places.max() > len(buffer) - 4:
         raise DamagedData('its index names places beyond its end')
-    anywhere = np.ndarray((max(len(buffer) - 3, 0),), '<u4', buffer, 0, (1,))
-    return anywhere[places].astype(np.int64)
+    return anywhere(buffer, '<u4')[places].astype(np.int64)

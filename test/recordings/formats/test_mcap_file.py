@@ -32,7 +32,7 @@ def test_an_image_outside_of_chunks_larger_than_a_window_is_passed_over(tmp_path
             if number % 100 == 50:
                 message('/image', stamp, bytes(5000 + number), kind='')
             message('/imu', stamp, row)
-    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.WINDOW', 1000)
+    monkeypatch.setattr('imu_allan.recordings.formats.chunked_file.WINDOW', 1000)
     after, remarks = read(path)
     assert_same(MESSAGES, after)
     assert remarks == []
