@@ -22,10 +22,15 @@ from imu_allan.noise.chi_square import equal_variances
 from imu_allan.noise.record.cells import Cells, end_to_end
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.record.part_of_record import part_cells
-from imu_allan.noise.record.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
+from imu_allan.noise.record.periodogram import (
+    HIGHEST_OF_MEANS,
+    Periodogram,
+    SpectrumSection,
+    whole_section,
+    whole_sections,
+)
 from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
 import numpy as np
-from scipy.fft import dct
 
 _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
@@ -109,8 +114,8 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
     for number in range(used):
         parts.append(part_cells(periodogram, number, number + 1))
         # Add the frequencies below those of the blocks.
-        for points, _, _ in unbroken(parts[-1], cell):
-            table.add(number, points, cell, min(HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
+        for section in whole_sections(parts[-1], cell, min(HIGHEST_OF_MEANS, cell / 2**OCTAVES)):
+            table.add(number, section)
     return table.powers(series, cell, parts)
 
 
@@ -135,7 +140,7 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
             # For white noise, all coefficients are equally good, however short the part.
-            table.add(number, points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell)
+            table.add(number, whole_section(points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS))
     return table.powers(series, cell, parts) if table.dof.any() else None
 
 
@@ -146,17 +151,15 @@ class _Table:
         bands = _DEPTH * PER_OCTAVE
         self.power, self.dof = np.zeros((axes, parts, bands)), np.zeros((parts, bands))
 
-    def add(self, part: int, points: Array, cell: int, highest: float) -> None:
-        """Add the spectrum of `points`, means of `cell` samples, up to `highest` per sample."""
-        length = points.shape[1]
+    def add(self, part: int, section: SpectrumSection) -> None:
+        """Add the power of a section."""
         # Coefficients 1 and 2 hold the trend of a segment, not its noise.
-        index = np.arange(3, length)
-        index = index[index / (2 * length * cell) < highest]
+        index = np.arange(3, section.last)
         if not len(index):
             return
-        band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH)
-                        ).astype(np.int64)
-        for axis, row in enumerate(dct(points, norm='ortho')[:, index]**2):
+        band = np.floor(PER_OCTAVE * (
+            np.log2(index / (2 * section.length * section.step)) + _DEPTH)).astype(np.int64)
+        for axis, row in enumerate(section.power[:, index]):
             self.power[axis, part] += np.bincount(band, row, self.dof.shape[1])
         self.dof[part] += np.bincount(band, minlength=self.dof.shape[1])
 

@@ -11,7 +11,7 @@ Horizons are therefore multiples of a cell, some two seconds for a recording of 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import chain
 
 from imu_allan.arrays import Array
 from imu_allan.noise.drift_model import fit_drift_model
@@ -171,9 +171,7 @@ def segments(series: Cells, cell: int) -> list[Array]:
     if not len(whole):
         return []
     # A step of more than four means is an interruption. Keys of another run are also far away.
-    cuts = np.flatnonzero(np.diff(whole.keys) > 4) + 1
-    edges = [0, *cuts.tolist(), len(whole)]
-    return [np.asarray(filled(whole.take(slice(*ends)))) for ends in pairwise(edges)]
+    return [filled(part) for part in whole.split(4)]
 
 
 def _averaged(rows: Array, size: int) -> Array:

@@ -84,14 +84,13 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
         flicker, random_walk, s2 = shapes(section.length, section.first, section.last)
         index, part = np.arange(section.first, section.last), slice(section.first, section.last)
         white = np.full(len(s2), 1 / step)
-        if section.gaps.white is not None:
-            white *= section.gaps.white[part]
+        for effect in (section.gaps.white,
+                       interpolation.white_power(section.length, section.step)):
+            if effect is not None:
+                white *= effect[part]
         if section.gaps.flicker is not None and section.gaps.random_walk is not None:
             flicker = flicker * section.gaps.flicker[part]
             random_walk = random_walk * section.gaps.random_walk[part]
-        interpolated = interpolation.white_power(section.length, section.step)
-        if interpolated is not None:
-            white *= interpolated[part]
         # The second part of the quantization column is leakage from both ends of a block.
         quantized = 4 * (s2 + (1 - s2) / section.length) / step**2
         design = np.stack((quantized, white, flicker, step * random_walk), axis=1)

@@ -9,6 +9,7 @@ in time is unknown, are never adjacent.
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST
@@ -46,6 +47,11 @@ class Cells:
         """Return a selection of the cells."""
         return Cells(self.keys[part], self.sums[:, part], self.counts[part])
 
+    def split(self, apart: int = 1) -> list['Cells']:
+        """Split the cells where the keys of neighbours differ by more than `apart`."""
+        cuts = np.flatnonzero(np.diff(self.keys) > apart) + 1
+        return [self.take(slice(*ends)) for ends in pairwise([0, *cuts.tolist(), len(self)])]
+
 
 def no_cells(axes: int) -> Cells:
     """Return an empty series of `axes` axes."""
@@ -76,15 +82,13 @@ def joined(before: Cells, after: Cells) -> Cells:
     """Concatenate two series; add up a cell that both have, at the end and at the beginning."""
     if not len(before) or not len(after):
         return after if len(after) else before
-    if before.keys[-1] != after.keys[0]:
-        return Cells(np.concatenate((before.keys, after.keys)),
-                     np.concatenate((before.sums, after.sums), axis=1),
-                     np.concatenate((before.counts, after.counts)))
-    sums = np.concatenate((before.sums, after.sums[:, 1:]), axis=1)
-    sums[:, len(before) - 1] += after.sums[:, 0]
-    counts = np.concatenate((before.counts, after.counts[1:]))
-    counts[len(before) - 1] += after.counts[0]
-    return Cells(np.concatenate((before.keys, after.keys[1:])), sums, counts)
+    both = int(before.keys[-1] == after.keys[0])
+    sums = np.concatenate((before.sums, after.sums[:, both:]), axis=1)
+    counts = np.concatenate((before.counts, after.counts[both:]))
+    if both:
+        sums[:, len(before) - 1] += after.sums[:, 0]
+        counts[len(before) - 1] += after.counts[0]
+    return Cells(np.concatenate((before.keys, after.keys[both:])), sums, counts)
 
 
 def coarser(cells: Cells, octaves: int) -> Cells:
@@ -97,11 +101,6 @@ def coarser(cells: Cells, octaves: int) -> Cells:
     starts = first.nonzero()[0]
     return Cells(keys[starts], np.add.reduceat(cells.sums, starts, axis=1),
                  np.add.reduceat(cells.counts, starts))
-
-
-def moved(cells: Cells, runs: int) -> Cells:
-    """Return the same cells with their run numbers increased by `runs`."""
-    return Cells(cells.keys + (np.int64(runs) << RUN_SHIFT), cells.sums, cells.counts)
 
 
 def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
@@ -119,10 +118,7 @@ def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
 
 def end_to_end(keys: Keys) -> Keys:
     """Return the places of cells, counted from the first, with runs joined end to end."""
-    if not len(keys):
-        return keys
-    place = keys & _PLACE
-    seam = np.flatnonzero(np.diff(keys >> RUN_SHIFT)) + 1
-    shift = np.zeros(len(keys), np.int64)
-    shift[seam] = place[seam - 1] + 1 - place[seam]
-    return np.asarray(place - place[0] + np.cumsum(shift))
+    run, place = keys >> RUN_SHIFT, keys & _PLACE
+    step = np.diff(place, prepend=place[:1])
+    step[np.diff(run, prepend=run[:1]) > 0] = 1
+    return np.asarray(np.cumsum(step))

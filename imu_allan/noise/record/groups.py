@@ -95,41 +95,30 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
     other regressors, if they exist already. Returns: groups in which the lowest 48 coefficients of
     every whole-record part stay single.
     """
-    bands = _Bands(bins, keep)
-    if known is None:
-        known = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
-                       np.stack([bands.mean(column) for column in bins.design.T], axis=1),
-                       bands.mean(bins.ramp), bands.mean(bins.step), bands.mean(bins.length),
-                       bands.mean(bins.interpolated))
+    band, weight = bins.band, bins.dof if keep is None else bins.dof * keep
+    total: Array = np.bincount(band, weight).astype(np.float64)
+    there = np.flatnonzero(total > 0)
+    there = there[np.argsort(np.bincount(band, weight * bins.frequency)[there] / total[there])]
     whole = np.flatnonzero(bins.whole)
+
+    def mean(values: Array, at: Ints | slice = slice(None)) -> Array:
+        """Average over bands, in order of frequency; values are zero except in the bins `at`."""
+        sums = np.bincount(band[at], weight[at] * values, len(total))
+        return np.asarray(sums[there] / total[there])
+
+    if known is None:
+        known = Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
+                       np.stack([mean(column) for column in bins.design.T], axis=1),
+                       mean(bins.ramp), mean(bins.step), mean(bins.length),
+                       mean(bins.interpolated))
     columns = [bins.of_ramp[whole],
                *([] if regressors is None else regressors[whole].T)]
-    along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
-    among = np.empty((len(bands.dof), len(columns), len(columns)))
+    along = [mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
+    among = np.empty((len(there), len(columns), len(columns)))
     for i, one in enumerate(columns):
         for j, other in enumerate(columns[:i + 1]):
-            among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
+            among[:, i, j] = among[:, j, i] = mean(one * other, whole)
     return replace(known, along=np.stack(along, axis=1), among=among)
-
-
-class _Bands:
-    """Weighted means of bins over bands, in order of frequency."""
-
-    def __init__(self, bins: Bins, keep: Bools | None) -> None:
-        self._weight = bins.dof if keep is None else bins.dof * keep
-        self._band = bins.band
-        dof: Array = np.bincount(self._band, self._weight).astype(np.float64)
-        self._count, self._some = len(dof), np.flatnonzero(dof > 0)
-        self.dof = dof[self._some]
-        self.frequency = self.mean(bins.frequency)
-        order = np.argsort(self.frequency)
-        self._some, self.dof, self.frequency = (
-            self._some[order], self.dof[order], self.frequency[order])
-
-    def mean(self, values: Array, at: Ints | slice = slice(None)) -> Array:
-        """Average over bands, weighted by degrees of freedom; values are zero except `at` bins."""
-        total = np.bincount(self._band[at], self._weight[at] * values, self._count)
-        return np.asarray(total[self._some] / self.dof)
 
 
 def stacked(parts: Sequence[Groups]) -> Groups:

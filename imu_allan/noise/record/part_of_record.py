@@ -15,8 +15,7 @@ from imu_allan.noise.record.periodogram import (
     HIGHEST_OF_MEANS,
     Periodogram,
     SpectrumSection,
-    unbroken,
-    whole_section,
+    whole_sections,
 )
 from imu_allan.noise.record.segments import (
     layout,
@@ -74,9 +73,9 @@ class Part:
     def _slow(self) -> Bins | None:
         """Spectrum of the series up to `_border`; None if the part is too short."""
         cell = self.periodogram.cell
-        sections = [section for points, gaps, start in unbroken(
-            part_cells(self.periodogram, self.first, self.last), cell)
-            if (section := whole_section(points, cell, cell * self._border, gaps, start)).last > 1]
+        cells = part_cells(self.periodogram, self.first, self.last)
+        sections = [section for section in whole_sections(cells, cell, cell * self._border)
+                    if section.last > 1]
         return bins_of(sections, self.dt, self.interpolation) if sections else None
 
     @cached_property

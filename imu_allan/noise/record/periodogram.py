@@ -16,7 +16,6 @@ first few coefficients of adjacent blocks are independent; for flicker, they are
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 from imu_allan.arrays import Array
 from imu_allan.noise.record.cells import (
@@ -25,7 +24,6 @@ from imu_allan.noise.record.cells import (
     coarser,
     end_to_end,
     joined,
-    moved,
     no_cells,
     RUN_SHIFT,
 )
@@ -118,8 +116,11 @@ class Stage(MultiAxis):
     # Means that do not fill a block yet
     waiting: Cells = field(init=False, metadata=begun(no_cells))
 
-    def _of(self, length: int) -> BlockSum:
-        return self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
+    def _put(self, length: int, power: Array, blocks: int, excess: float) -> None:
+        own = self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
+        own.power += power
+        own.blocks += blocks
+        own.excess += excess
 
     def add(self, rows: Array, variance: Array | None = None) -> list[tuple[int, int, Array]]:
         """
@@ -139,52 +140,34 @@ class Stage(MultiAxis):
             part = rows[:, start:start + count * length].reshape(self.axes, count, length)
             coefficients = dct(part, norm='ortho')
             power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
-            own = self._of(length)
-            own.power += power
-            own.blocks += count
-            if variance is not None:
-                more = variance[start:start + count * length] - 1
-                own.excess += float(more.sum()) / length
+            end = start + count * length
+            excess = 0.0 if variance is None else float((variance[start:end] - 1).sum()) / length
+            self._put(length, power, count, excess)
             added.append((length, count, power))
-            start += count * length
+            start = end
         return added
 
-    def take(self, cells: Cells, size: int) -> None:
-        """Add cells of `size` samples; the last one is held back, since it may still grow."""
-        self.waiting = joined(self.waiting, cells)
-        if len(self.waiting) > BLOCK + SHORTEST:
-            self._transform(size, all_of_it=False)
-
-    def finish(self, size: int) -> None:
-        """Transform the means that are still waiting."""
-        if len(self.waiting):
-            self._transform(size, all_of_it=True)
-
-    def _transform(self, size: int, *, all_of_it: bool) -> None:
-        growing = self.waiting.take(slice(len(self.waiting) - (not all_of_it), None))
-        held = self.waiting.take(slice(0, len(self.waiting) - (not all_of_it)))
-        held = held.take(held.counts >= size / 2)
-        self.waiting = growing
-        if not len(held):
+    def take(self, cells: Cells, size: int, *, last: bool = False) -> None:
+        """Add cells of `size` samples, held back while they may grow or do not fill a block."""
+        cells = self.waiting = joined(self.waiting, cells)
+        if len(cells) <= BLOCK + SHORTEST and not last:
             return
+        end = len(cells) - (not last)
+        self.waiting, cells = cells.take(slice(end, None)), cells.take(slice(end))
         # Gaps are not filled: frequencies low enough to need it are in the series.
-        cut = np.flatnonzero(np.diff(held.keys) > 1) + 1
-        for begin, end in pairwise([0, *cut.tolist(), len(held)]):
-            segment = held.take(slice(begin, end))
+        segments = cells.take(cells.counts >= size / 2).split()
+        for segment in segments:
             whole = len(segment)
-            if end == len(held) and not all_of_it:
+            if segment is segments[-1] and not last:
                 # The segment continues, so take only whole blocks for now.
                 whole -= whole % BLOCK
-                self.waiting = joined(segment.take(slice(whole, None)), growing)
+                self.waiting = joined(segment.take(slice(whole, None)), self.waiting)
             self.add(segment.means[:, :whole], (size / segment.counts)[:whole])
 
     def merge(self, other: 'Stage') -> None:
         """Add the sums of another finished record."""
         for length, theirs in other.sums.items():
-            own = self._of(length)
-            own.power += theirs.power
-            own.blocks += theirs.blocks
-            own.excess += theirs.excess
+            self._put(length, theirs.power, theirs.blocks, theirs.excess)
 
 
 @dataclass(eq=False)
@@ -233,13 +216,12 @@ class Periodogram(MultiAxis):
     def finish(self) -> None:
         """Transform the waiting means of all stages, at the end of the record."""
         for number, stage in enumerate(self.stages):
-            stage.finish(2**(STAGE_OCTAVES * number))
+            stage.take(no_cells(self.axes), 2**(STAGE_OCTAVES * number), last=True)
 
     def sections(self) -> list[SpectrumSection]:
         """Return the spectrum from the slowest to the fastest part, without overlap."""
         top = 0.5 if self.cell == 1 else HIGHEST_OF_MEANS
-        found = [whole_section(points, self.cell, top, gaps, start)
-                 for points, gaps, start in unbroken(self.series, self.cell)]
+        found = whole_sections(self.series, self.cell, top)
         if self.cell == 1:
             return found
         border = top / self.cell
@@ -272,29 +254,27 @@ class Periodogram(MultiAxis):
         for mine, theirs in zip(self.stages, other.stages, strict=False):
             mine.merge(theirs)
         cell = max(self.cell, other.cell)
-        octaves = cell.bit_length()
-        self.series = joined(
-            coarser(self.series, octaves - self.cell.bit_length()),
-            moved(coarser(other.series, octaves - other.cell.bit_length()), runs))
+        before, after = (coarser(one.series, (cell // one.cell).bit_length() - 1)
+                         for one in (self, other))
+        self.series = joined(before, replace(after, keys=after.keys + (runs << RUN_SHIFT)))
         self.cell = cell
         self._bound_series()
         self.samples += other.samples
 
 
-def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
+def whole_sections(cells: Cells, size: int, top: float) -> list[SpectrumSection]:
     """
-    Split cells into parts whose gaps are few enough to be filled.
+    Transform each part of a record whose gaps are few enough to be filled.
 
     `cells`: in order of time. `size`: samples in a full cell; cells less than half full are left
-    out, and so are short groups beyond a gap. Returns, for parts of at least `SHORTEST` points:
-    the points, shape (axes, n), the effect of filled gaps on noise, and the number of samples
-    before the part. Runs are joined end to end.
+    out, and so are short groups beyond a gap. `top`: as in `whole_section`. Returns: sections of
+    at least `SHORTEST` points.
     """
     whole = cells.take(cells.counts >= size / 2)
     place = end_to_end(whole.keys) * size
     runs = whole.keys >> RUN_SHIFT
     parts = [without_islands(whole.take(runs == run)) for run in np.unique(runs)]
-    found: list[tuple[Array, Gaps, int]] = []
+    found: list[SpectrumSection] = []
     while parts:
         part = parts.pop(0)
         if len(part) < SHORTEST:
@@ -303,7 +283,8 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
         # The effect of filled gaps is known, but they must not be most of a part; else split it.
         if 1 - len(part) / span <= 0.5:
             start = int(place[np.searchsorted(whole.keys, part.keys[0])])
-            found.append((filled(part), noise_through_gaps(part, size), start))
+            found.append(whole_section(
+                filled(part), size, top, noise_through_gaps(part, size), start))
         else:
             widest = int(np.argmax(np.diff(part.keys))) + 1
             parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]
