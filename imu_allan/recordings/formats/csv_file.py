@@ -16,7 +16,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 import re
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -240,11 +240,10 @@ class CsvRecording(FileRecording):
                 # Such a column may have a pattern such as hh:mm:ss in place of a unit.
                 clock = replace(clock, unit='ns')
             require_time(names[clock.column].strip(QUOTES), clock.unit)
-            times = _column(rows, clock.column)
-            if rows and not times:
-                # Another topic of the table may have begun long before, so this column starts
-                # empty.
-                times = self._first_times(clock.column, delimiter)
+            # Another topic of the table may have begun long before, so this column starts empty.
+            times = _column(rows, clock.column) or next(filter(None, (
+                _column([_cells(line, delimiter) for line in lines], clock.column)
+                for lines, _ in self._lines(self._data_at))), [])
             columns = replace(columns, clock=None if rows and not times else _with_unit(
                 clock, times, options.rate_hz))
         self._apart = columns.clock is not None and _are_apart(columns, rows)
@@ -253,13 +252,6 @@ class CsvRecording(FileRecording):
             raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
                                 "which column is the time: --columns 'time=NAME ms'")
         return columns
-
-    def _first_times(self, column: int, delimiter: str | None) -> list[str]:
-        """Return the first times in the file."""
-        for lines, _ in self._lines(self._data_at):
-            if times := _column([_cells(line, delimiter) for line in lines], column):
-                return times
-        return []
 
     def _rows(self, text: str, delimiter: str | None) -> list[list[str]]:
         """Split the nonempty lines of a text into cells."""
@@ -323,20 +315,24 @@ def _parse(lines: list[str], columns: Columns,
     stamps = np.zeros(len(times), np.int64)
     stamps[timely] = np.rint(times[timely] * (unit_s * 1e9))
     if unit_s == 1e-9 and timely.any():
-        exact = _whole_numbers([lines[place] for place in places[timely]], columns.delimiter,
-                               clock.column)
-        stamps[timely] = stamps[timely] if exact is None else exact
+        # They exceed the digits of a double.
+        exact, _, others = _numbers([lines[place] for place in places[timely]], columns.delimiter,
+                                    [clock.column], int)
+        if not others:
+            stamps[timely] = exact[:, 0]
     if clock.nanoseconds is not None:
         stamps += np.nan_to_num(parts).astype(np.int64)
     return table[some], stamps[some], bad
 
 
 def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
-             ) -> tuple[NDArray[np.float64], NDArray[np.intp], list[int]]:
+             kind: type[float] = float,
+             ) -> tuple[NDArray[Any], NDArray[np.intp], list[int]]:
     """Parse columns; return the table, its line indices, and those of other nonempty lines."""
-    with suppress(ValueError):
-        table = np.loadtxt(lines, delimiter=delimiter, usecols=used, ndmin=2, comments=None,
+    with suppress(ValueError, OverflowError, DeprecationWarning):
+        table = np.loadtxt(lines, kind, delimiter=delimiter, usecols=used, ndmin=2, comments=None,
                            quotechar='"')
+        # After an unclosed quote numpy reads the following lines as part of the text.
         if len(table) == len(lines):
             return table, np.arange(len(lines)), []
     rows: list[list[float]] = []
@@ -345,26 +341,11 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
         if line.strip():
             cells = _split(line, delimiter)
             try:
-                rows.append([float(cells[column].strip(QUOTES) or 'nan') for column in used])
+                rows.append([kind(cells[column].strip(QUOTES) or 'nan') for column in used])
                 places.append(number)
             except (ValueError, IndexError):
                 bad.append(number)
-    return (np.array(rows, np.float64).reshape(-1, len(used)), np.array(places, np.intp), bad)
-
-
-def _whole_numbers(lines: list[str], delimiter: str | None, column: int,
-                   ) -> NDArray[np.int64] | None:
-    """Parse nanoseconds, which exceed the digits of a double; None if not all are integers."""
-    with suppress(ValueError, OverflowError, DeprecationWarning):
-        numbers = np.loadtxt(lines, np.int64, delimiter=delimiter, usecols=[column], ndmin=1,
-                             comments=None, quotechar='"')
-        # After an unclosed quote numpy reads the following lines as part of the text.
-        if len(numbers) == len(lines):
-            return numbers
-    with suppress(ValueError, OverflowError):
-        return np.array([int(_split(line, delimiter)[column].strip(QUOTES)) for line in lines],
-                        np.int64)
-    return None
+    return np.array(rows, kind).reshape(-1, len(used)), np.array(places, np.intp), bad
 
 
 def _nanoseconds(time: re.Match[str]) -> str:

@@ -12,7 +12,7 @@ Words for time and sensors may be German, Spanish, French, Italian or Portuguese
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import re
 
 from imu_allan.errors import ImuAllanError, printable
@@ -26,11 +26,13 @@ QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
 
 # Before the words may stand the path to a name, or the device it belongs to.
-_AXES = [(sensor, choice, re.compile(
-    r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
-    rf'(?:(?:{words})[/._-]{{0,2}}(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
-    rf'|(?P<first>[xyz])[._-](?:{words}))'))
-    for sensor, choice, words in (
+_AXES = [
+    *((sensor, 1, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
+      for sensor, letter in (('gyro', '[gw]'), ('accel', 'a'))),
+    *((sensor, rank, re.compile(
+        r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
+        rf'(?:(?:{words})[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])|([xyz])[._-](?:{words}))'))
+      for sensor, rank, words in (
         ('gyro', 0, r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
                     r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
                     r'|drehrate|winkelgeschwindigkeit'),
@@ -40,8 +42,12 @@ _AXES = [(sensor, choice, re.compile(
         # These are taken if no column has one of the above: gravity may be removed, or noise
         # higher.
         ('gyro', 1, r'un_?comp_?(?:ang_?rate|gyro)'),
-        ('accel', 1, r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr'))]
-"""Words that name the axes of a sensor, with 0 for those preferred."""
+        ('accel', 1, r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr')))]
+"""Names of the axes of a sensor, with 0 for those preferred."""
+_LETTER_UNITS = {**dict.fromkeys(('rad/s', 'deg/s', '°/s', 'dps', 'mdps'), 'gyro'),
+                 **dict.fromkeys(('m/s^2', 'm/s²', 'm/s2', 'g', 'mg'), 'accel')}
+"""Units that tell the sensor of a mere x, y or z. A capital G is not among them, as magnetometers
+use it (gauss)."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -60,6 +66,9 @@ _CLOCKS = tuple(re.compile(form) for form in (
 day. The T of an autopilot is a temperature."""
 _OF_SHIMMER = re.compile(r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal')
 """Calibrated values, behind the name that the user gave the device."""
+_IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
+            'timestartup': 'ns'}
+"""Units that names of times imply: `rostopic echo -p`, Arduino's clocks, VectorNav."""
 _STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 
 
@@ -118,6 +127,33 @@ class Columns:
     headless: bool = False
 
 
+@dataclass(frozen=True)
+class Name:
+    """
+    A cell of the header line.
+
+    Attributes
+    ----------
+    cell : str
+        Its text without quotes.
+    name : str
+        The name in it; blanks become underscores.
+    meaning : str or None
+        ``'time'``, one of the axes, or None.
+    rank : int
+        How well the name fits, 0 for the best.
+    unit : str or None
+        Unit behind the name or in it, of any quantity; a wrong one is rejected later.
+
+    """
+
+    cell: str
+    name: str
+    meaning: str | None
+    rank: int
+    unit: str | None
+
+
 def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clock], bool],
                 ) -> Columns:
     """
@@ -127,77 +163,83 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     nanoseconds.
     """
     delimiter, cells = cells_of(header)
-    bare = [cell.strip(' "') for cell in cells]
-    named = [name_and_unit(cell) for cell in cells]
-    names = [name for name, _ in named]
+    names = [name_of(cell) for cell in cells]
     # Without a header line, numbers given by the user are positions, even if a cell equals one.
-    headless = any(map(is_number, cells)) and not any(map(meaning_of, names))
-    chosen = _chosen(options.columns, [''] * len(cells) if headless else bare)
+    headless = any(map(is_number, cells)) and not any(name.meaning for name in names)
+    chosen = _chosen(options.columns, ['' if headless else name.cell for name in names])
     if headless and not chosen:
         raise ImuAllanError(_no_header(cells))
-    units = {column: unit or _unit_in_name(name) for column, (name, unit) in enumerate(named)
-             } | {column: unit for column, (_, unit) in chosen.items() if unit}
-    meanings = {column: meaning for column, (meaning, _) in chosen.items()}
-    times = [column for column, meaning in meanings.items() if meaning == 'time']
+    for column, (meaning, unit) in chosen.items():
+        known = names[column]
+        names[column] = replace(known, meaning=meaning, unit=unit or known.unit,
+                                rank=known.rank if known.meaning == meaning else 0)
+    times = [column for column in chosen if names[column].meaning == 'time']
+    of_axes = [column for column in chosen if column not in times]
     parts = own_stamp = None
     # Axes that the user gives are all that are read; a given rate takes the place of the time.
-    axes_given = len(times) < len(chosen)
-    if not headless and not (axes_given and (times or options.rate_hz)):
-        found = {column: meaning for column, meaning in _meanings(named).items()
-                 if meaning == 'time' or not axes_given}
+    if not headless and not (of_axes and (times or options.rate_hz)):
+        of_axes = of_axes or _axes(names)
         if not times:
             parts = next(filter(is_usable, _split_seconds(names)), None)
         if not (times or parts):
-            own_stamp, times = _times(names, found, is_usable)
-        meanings = {column: meaning for column, meaning in found.items()
-                    if meaning != 'time' or column in times} | meanings
+            own_stamp, times = _times(names, is_usable)
     axes: dict[str, tuple[int, int, float]] = {}
-    for column, meaning in sorted(meanings.items()):
+    for column in sorted(of_axes):
+        meaning = str(names[column].meaning)
         if meaning in axes:
             raise _both(meaning, axes[meaning][0], column)
-        if meaning != 'time':
-            axes[meaning] = column, list(AXES).index(meaning), _factor(
-                names[column], units[column], meaning, options)
+        axes[meaning] = column, list(AXES).index(meaning), _factor(names[column], options)
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
             f'the header line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
             f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
-    clock = parts or _best_clock({column: names[column] for column in times}, units, own_stamp)
-    read = {*meanings, *((parts.column, parts.nanoseconds) if parts else ())}
+    clock = parts or _best_clock(names, times, own_stamp)
+    read = {*of_axes, *times, *((parts.column, parts.nanoseconds) if parts else ())}
     temperature = next((
-        column for column in range(len(cells)) if column not in meanings and (
+        column for column, name in enumerate(names) if column not in read and (
             re.fullmatch(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?',
-                         names[column].lower()) if options.temperature is None
+                         name.name.lower()) if options.temperature is None
             else options.temperature in ([str(column + 1)] if headless
-                                         else [names[column], bare[column]]))), None)
+                                         else [name.name, name.cell]))), None)
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
                                    if column not in read and column != temperature]
     return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored), temperature, headless)
 
 
-def _times(names: Sequence[str], found: Mapping[int, str], is_usable: Callable[[Clock], bool],
+def _axes(names: Sequence[Name]) -> list[int]:
+    """Return the columns of the axes, of each sensor those with the best names."""
+    ranks = [(str(name.meaning).partition('_')[0], name.rank) for name in names]
+    best = dict(sorted(ranks, reverse=True))
+    return [column for column, (name, (sensor, rank)) in enumerate(zip(names, ranks, strict=True))
+            if name.meaning in AXES and rank == best[sensor]]
+
+
+def _times(names: Sequence[Name], is_usable: Callable[[Clock], bool],
            ) -> tuple[int | None, list[int]]:
     """Return the stamp of the axes' own message, if usable, and all usable times."""
-    times = [column for column, meaning in found.items() if meaning == 'time']
-    others = [column for column in times if not _STAMP.fullmatch(names[column].lower())]
-    own = _stamp_of_axes(names)
+    times = [column for column, name in enumerate(names) if name.meaning == 'time']
+    found = {column: _STAMP.fullmatch(names[column].name.lower()) for column in times}
+    stamps = {match[1]: column for column, match in found.items() if match}
+    others = [column for column in times if not found[column]]
+    axis = next((name.name.lower() for name in names if name.meaning in AXES), '')
+    own = stamps.get(max(filter(axis.startswith, stamps), key=len, default=''))
     if own is not None and (not others or is_usable(Clock(own))):
         return own, [own, *others]
     return None, others if len(times) > 1 else times
 
 
-def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_stamp: int | None,
+def _best_clock(names: Sequence[Name], times: Sequence[int], own_stamp: int | None,
                 ) -> Clock | None:
     """Choose the best time column by name, and determine its unit."""
     def rank(column: int) -> tuple[bool, int]:
         # Text in place of a unit may describe a date format; such a column ranks last.
         try:
-            convert(1.0, (units[column] or 's').strip(), 's')
+            convert(1.0, (names[column].unit or 's').strip(), 's')
         except ImuAllanError:
             return True, 0
-        return False, -1 if column == own_stamp else (_clock_named(times[column]) or (0,))[0]
+        return False, -1 if column == own_stamp else names[column].rank
 
     ranks = sorted((rank(column), column) for column in times)
     if not ranks:
@@ -205,7 +247,7 @@ def _best_clock(times: Mapping[int, str], units: Mapping[int, str | None], own_s
     if [place for place, _ in ranks[:2]] == [(False, 0)] * 2:
         raise _both('time', ranks[0][1], ranks[1][1])
     time = ranks[0][1]
-    unit = units[time]
+    unit = names[time].unit
     return Clock(time, unit and unit.strip())
 
 
@@ -219,10 +261,11 @@ def names_columns(line: str, options: RecordingOptions) -> bool:
     """Return whether a line has the name of an axis, or one that the user gives."""
     # Searching a hundred lines of a megabyte for axis names takes seconds.
     cells = cells_of(line[:1 << 14])[1]
-    names = [cell.strip(' "') for cell in cells]
-    return (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
-            or any(_with_name(name, names) for _, text in options.columns
-                   for name in (text, text.rpartition(' ')[0])))
+    names = [name_of(cell) for cell in cells]
+    plain = [name.cell for name in names]
+    return (any(name.meaning in AXES for name in names)
+            or any(_with_name(text, plain) for _, named in options.columns
+                   for text in (named, named.rpartition(' ')[0])))
 
 
 def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
@@ -321,57 +364,40 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 # -------------------------------------------------------------------------------- names and units
 
-def meaning_of(name: str) -> str | None:
-    """Return the meaning of a column with this name: ``'time'``, one of the axes, or None."""
-    return _choice(name, None)[1]
-
-
-def _choice(name: str, unit: str | None) -> tuple[int, str | None]:
-    """Return how well a name fits, 0 for the best, and its meaning."""
-    lower = name.lower()
-    if _clock_named(lower) is not None:
-        return 0, 'time'
-    if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
-        lower = with_unit[1]
-    elif (of_shimmer := _OF_SHIMMER.fullmatch(lower)) is not None:
-        lower = of_shimmer[1]
-    if (short := re.fullmatch(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])[._]?([xyz])', lower)
-            ) is not None:
-        return 1, f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
-    for sensor, choice, pattern in _AXES:
-        if (match := pattern.fullmatch(lower)) is not None:
-            axis = match['axis'] or match['first'] or 'xyz'[int(match['number'])]
-            return choice, f'{sensor}_{axis}'
-    letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', lower)
-    # A capital G is not among them, as magnetometers use it (gauss).
-    letter_units = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
-                    'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
-    sensors = [sensor for sensor, units in letter_units.items() if (unit or '').strip() in units]
-    return 0, f'{sensors[0]}_{letter[1]}' if letter and sensors else None
-
-
-def _meanings(named: Sequence[tuple[str, str | None]]) -> Mapping[int, str]:
-    """Map columns, given by name and unit, to times and to the axes with the best names."""
-    found = {column: (choice, meaning) for column, (name, unit) in enumerate(named)
-             for choice, meaning in [_choice(name, unit)] if meaning is not None}
-    best: dict[str, int] = {}
-    for choice, meaning in found.values():
-        sensor = meaning.partition('_')[0]
-        best[sensor] = min(choice, best.get(sensor, choice))
-    return {column: meaning for column, (choice, meaning) in found.items()
-            if choice == best[meaning.partition('_')[0]]}
-
-
-def name_and_unit(cell: str) -> tuple[str, str | None]:
-    """Split a cell into name and unit; blanks in a name become underscores."""
+def name_of(cell: str) -> Name:
+    """Determine what a cell of a header line says of its column."""
     # Column names are shorter. Collapsed blanks and limited length keep the regular expression
     # from excessive backtracking.
     plain = ' '.join(cell.split()) if len(cell) <= 200 else ''
     match = re.fullmatch(
         r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?', plain)
-    if match is None:
-        return '', None
-    return match[1].strip().replace(' ', '_'), match[2] if match[2] is not None else match[3]
+    name, *units = match.groups() if match else ('', None, None)
+    unit = next((unit for unit in units if unit is not None), None)
+    name = name.strip().replace(' ', '_')
+    meaning, rank, implied = _meaning(name.lower(), (unit or '').strip())
+    return Name(cell.strip(' "'), name, meaning, rank, unit or implied)
+
+
+def _meaning(name: str, unit: str) -> tuple[str | None, int, str | None]:
+    """Return the meaning of a name in lower case, how well it fits, and the unit in it."""
+    if (match := _OF_SHIMMER.fullmatch(name)) is not None:
+        name = match[1]
+    for rank, form in enumerate(_CLOCKS):
+        if (match := form.fullmatch(name)) is not None:
+            return 'time', rank, _IMPLIED.get(name) or next(filter(None, match.groups()), None)
+    # Physics Toolbox.
+    implied = 'g' if re.fullmatch('g_?f(?:orce)?_?[xyz]', name) else None
+    if (match := _UNIT_BEHIND.fullmatch(name)) is not None:
+        name, *found = match.groups()
+        implied = next(unit for unit, text in zip(_UNITS, found, strict=True) if text)
+    for sensor, rank, form in _AXES:
+        if (match := form.fullmatch(name)) is not None:
+            axis = next(filter(None, match.groups()))
+            return f'{sensor}_{"xyz"["xyz012".index(axis) % 3]}', rank, implied
+    letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', name)
+    if letter is not None and unit in _LETTER_UNITS:
+        return f'{_LETTER_UNITS[unit]}_{letter[1]}', 0, implied
+    return None, 0, implied
 
 
 def is_rest_of_imu(cell: str) -> bool:
@@ -379,61 +405,29 @@ def is_rest_of_imu(cell: str) -> bool:
     return re.fullmatch(
         r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
         r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)',
-        name_and_unit(cell)[0].lower()) is not None
+        name_of(cell).name.lower()) is not None
 
 
-def _split_seconds(names: Sequence[str]) -> Iterator[Clock]:
+def _split_seconds(names: Sequence[Name]) -> Iterator[Clock]:
     """Find columns of whole seconds with their matching columns of nanoseconds."""
     whole, parts = ({match[1]: column for column, name in reversed([*enumerate(names)])
-                     if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})', name.lower()))}
+                     if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})', name.name.lower()))}
                     for words in ('secs?|seconds', 'nano_?secs?|nano_?seconds|nsecs?'))
     for path in sorted(whole.keys() & parts.keys(), key=lambda path: whole[path]):
         yield Clock(whole[path], 's', parts[path])
 
 
-def _clock_named(name: str) -> tuple[int, str | None] | None:
-    """Return rank, 0 for the best, and unit of the name of a time; None if it is not a time."""
-    lower = _OF_SHIMMER.sub(r'\1', name.lower())
-    # Units that names imply: `rostopic echo -p`, Arduino's clocks, VectorNav.
-    implied = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
-               'timestartup': 'ns'}
-    for rank, form in enumerate(_CLOCKS):
-        if (match := form.fullmatch(lower)) is not None:
-            in_name = next((unit for unit in match.groups() if unit), None)
-            return rank, implied.get(lower, in_name)
-    return None
-
-
-def _stamp_of_axes(names: Sequence[str]) -> int | None:
-    """Find the column of the header stamp in the message that contains the first axis."""
-    axis = next((name.lower() for name in names if meaning_of(name) not in (None, 'time')), '')
-    stamps = {match[1]: column for column, name in enumerate(names)
-              if (match := _STAMP.fullmatch(name.lower())) and axis.startswith(match[1])}
-    return stamps[max(stamps, key=len)] if stamps else None
-
-
-def _unit_in_name(name: str) -> str | None:
-    """Return the unit in a name, of any quantity; a wrong quantity is rejected later."""
-    if (clock := _clock_named(name)) is not None:
-        return clock[1]
-    if re.fullmatch('g_?f(?:orce)?_?[xyz]', name.lower()):
-        # Physics Toolbox.
-        return 'g'
-    if (match := _UNIT_BEHIND.fullmatch(name.lower())) is not None:
-        return next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
-    return None
-
-
-def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
-    if unit is None:
-        return options.factors[0 if axis.startswith('gyro') else 1]
+def _factor(name: Name, options: RecordingOptions) -> float:
+    is_gyro = str(name.meaning).startswith('gyro')
+    if name.unit is None:
+        return options.factors[0 if is_gyro else 1]
     # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G).
-    spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
+    spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit.strip())
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
-    if spelled == 'G' and axis.startswith('accel'):
+    if spelled == 'G' and not is_gyro:
         spelled = 'g'
-    return _converted(name, spelled, *((RAD_PER_S, f'{axis}=NAME deg/s') if axis[0] == 'g' else
-                                       (M_PER_S2, f'{axis}=NAME g')))
+    si_unit, other = (RAD_PER_S, 'deg/s') if is_gyro else (M_PER_S2, 'g')
+    return _converted(name.name, spelled, si_unit, f'{name.meaning}=NAME {other}')
 
 
 def require_time(name: str, unit: str | None) -> None:
