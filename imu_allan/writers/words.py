@@ -6,17 +6,21 @@ Messages of findings, from the texts in `imu_allan.writers.sentences` and their 
 No other module composes such messages.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from types import SimpleNamespace
+from math import ceil
+import re
+from string import Formatter
 from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
+from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.units import engineering
 from imu_allan.verdict import FAULTS, verdicts
-from imu_allan.wording import named
+from imu_allan.wording import about, counted, duration, listed, named, number, ranged, SENSORS
 from imu_allan.writers.sentences import Span, Text, WORDS
 
 
@@ -56,33 +60,72 @@ def _counts_others(found: Finding) -> bool:
 
 def _made(text: Text, found: Finding) -> str:
     """Return a sentence; '' if a file of another version lacks values for it."""
+    figures = _figures(found)
     try:
-        return printable(text if isinstance(text, str) else text(_figures(found)))
+        chosen = text(figures) if callable(text) else text
+        template = chosen if isinstance(chosen, str) else next(
+            one for one in chosen if one is chosen[-1] or figures.keys() >= {*_names_in(one)})
+        # Not an index such as `covariance[0]`, which holds no value.
+        whole = re.sub(r'\[([^][]*\{[^][]*)\]', lambda part: (
+            part[1] if _names_in(part[1])[0] in figures else ''), template)
+        return printable(_FORMATTER.vformat(whole, (), figures))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         return ''
 
 
-class _Figures(SimpleNamespace):
-    """
-    The values of a finding as attributes; ``'name' in figures`` tests whether one is known.
-
-    Access to an unknown value raises AttributeError, so that no sentence contains None.
-    """
-
-    def __contains__(self, name: str) -> bool:
-        return name in vars(self)
+def _names_in(template: str) -> list[str]:
+    return re.findall(r'\{(\w+)', template)
 
 
-def _figures(found: Finding) -> _Figures:
+class _Formatter(Formatter):
+    """Formats values in the forms that the texts of findings have."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        """Return a value, or the range of those of several axes, in a form of `sentences`."""
+        form, _, rest = spec.partition(' ')
+        if form in ('least', 'most'):
+            end = min if form == 'least' else max
+            return self.format_field(end(value) if isinstance(value, Span) else value, rest)
+        if form == 'if':
+            return rest if value else ''
+        if form == 'each':
+            each = value if isinstance(value, Span) else (value,)
+            return listed(list(dict.fromkeys(f'{one:g}' for one in each)))
+        if form == 'count':
+            return counted(value, rest)
+        say, unit = _FORMS.get(spec, lambda one: format(one, spec)), ''
+        if spec.endswith('%'):
+            say, unit = lambda one: f'{100 * one:{spec[:-1] or ".0"}f}', ' %'
+        elif rest.startswith('in '):
+            size, shown = engineering(1.0, rest[3:])
+            say, unit = lambda one: number(size * one, int(form)), f' {shown}'
+        return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
+
+
+_FORMATTER = _Formatter()
+_FORMS: Mapping[str, Callable[[Any], str]] = {
+    'time': duration, 'about': about, 'lag': lambda seconds: duration(abs(seconds)),
+    'times': lambda count: 'once' if count == 1 else f'{count} times',
+    # From a factor of two on, an error is not given as a percentage.
+    'within': lambda factor: (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < 2
+                              else f'within a factor of {factor:.0f}'),
+    'start': lambda seconds: (f'{ceil(seconds / 60)}min' if seconds > 600
+                              else f'{ceil(seconds)}s'),
+    'sensor': lambda sensor: SENSORS[sensor].lower(), 'term': lambda key: TERMS[key].symbol,
+    'list': ', '.join, 'both': ' and '.join}
+"""Forms of one value that the texts of findings use besides those of Python."""
+
+
+def _figures(found: Finding) -> dict[str, Any]:
     """Return the values that match the types in `CODES`, as a file may hold anything."""
-    figures = _Figures(severity=found.severity)
+    figures: dict[str, Any] = {'severity': found.severity}
     for name, kind in CODES[found.code].values.items():
         value: Any = found.values.get(name)
         if name in found.values and is_of_axes(found, name):
             value = Span(value)
         each = value if isinstance(value, Span) else (value,)
         if all(one is not None and is_of_kind(one, kind) for one in each):
-            setattr(figures, name, value)
+            figures[name] = value
     return figures
 
 
