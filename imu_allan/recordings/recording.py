@@ -19,12 +19,7 @@ from imu_allan.recordings.formats.temporary_folder import remove_folder
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
-from imu_allan.recordings.messages.imus_in import (
-    imus_in,
-    is_parsed,
-    TEMPERATURE_TYPES,
-    thermometer_in,
-)
+from imu_allan.recordings.messages.imus_in import imus_in, TEMPERATURE_TYPES, thermometer_in
 from imu_allan.recordings.options import RecordingOptions
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -89,7 +84,7 @@ class Recording(ABC):
         self.ends_ns: list[int] = []
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
-        self._kept_bytes = self._searched = self._searched_characters = 0
+        self._kept_bytes = self._parsed = self._parsed_characters = 0
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -122,16 +117,8 @@ class Recording(ABC):
     ) -> bool:
         """Add a topic to `topics` and return True if it holds an IMU, else to `other_topics`."""
         found: dict[str, ImuMessages] = {}
-        if definition is not None and is_parsed(topic, type_name, definition, self.options):
-            # One takes as long as two thousand characters do at least.
-            self._searched_characters += len(definition.text) + 2048
-            # Limit the time for parsing to seconds. A robot has a dozen such definitions, and the
-            # limit is 50 times the largest one of ROS.
-            if self._searched_characters > 1 << 21:
-                self.reasons[topic] = f'not looked into, after {self._searched} others'
-                self.other_topics[topic] = type_name
-                return False
-            self._searched += 1
+        if definition is not None:
+            definition = replace(definition, before_parsing=self._limit_parsing)
         try:
             found = imus_in(topic, type_name, serialization, definition, self.options)
         except ImuAllanError as error:
@@ -147,6 +134,15 @@ class Recording(ABC):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))
         return bool(found)
+
+    def _limit_parsing(self, definition: Definition) -> None:
+        """Limit the time for parsing to seconds; raise ImuAllanError beyond."""
+        # One takes as long as two thousand characters do at least.
+        self._parsed_characters += len(definition.text) + 2048
+        # A robot has a dozen such definitions, and the limit is 50 times the largest one of ROS.
+        if self._parsed_characters > 1 << 21:
+            raise ImuAllanError(f'not looked into, after {self._parsed} others')
+        self._parsed += 1
 
     def reserve_bytes(self, size: int) -> bool:
         """Return whether a description of `size` bytes can be kept; add a remark if not."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.cdr import MalformedImu, OnMalformed
+from imu_allan.cdr import MalformedImu, OnMalformed, rows_like_first
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 from imu_allan.recordings.messages.layouts import joint_field, Place
@@ -82,11 +82,15 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
 def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]) -> Ints:
     """Return indices of the frames that messages name; enter new names in `seen`."""
     if place is None:
-        return np.zeros(len(rows), np.int64)
-    items, size = rows[:, place.at:place.at + place.count].tobytes(), place.count
+        return np.full(len(rows), seen.setdefault('', len(seen)))
+    size, end = place.count, place.at + place.count
+    # In the usual case all messages name one frame.
+    named = rows if rows_like_first(rows, [(place.at, end)]) is not None else rows[:1]
+    items = named[:, place.at:end].tobytes()
     # With size 0 every slice is the empty text, as it should be.
-    return np.array([seen.setdefault(_text(items[row * size:(row + 1) * size]), len(seen))
-                     for row in range(len(rows))])
+    frames = [seen.setdefault(_text(items[row * size:(row + 1) * size]), len(seen))
+              for row in range(len(named))]
+    return np.array(frames).repeat(len(rows) // len(named))
 
 
 def _fill(out: Array, messages: NDArray[np.void], vector: Vector) -> None:

@@ -8,18 +8,16 @@ Decoding of messages of any type to blocks, and choice of the clock among severa
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Literal
+from itertools import accumulate
+from typing import Any, Literal
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
     decode_imu_rows,
-    MalformedImu,
     MessageBatch,
     OnMalformed,
-    rows_like_first,
     runs,
     Serialization,
 )
@@ -103,14 +101,14 @@ class FieldsDecoder:
         self._layouts = RecordLayouts(messages.types, messages.type_name, messages.serialization,
                                       messages.fields)
         self._clock: int | None = None
-        self._frames: dict[str, int] = {'': 0}
+        self._frames: dict[str, int] = {}
         self._step_ns = 0.0
 
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
         """Decode messages in order; malformed ones are reported."""
         held = [batch for batch in batches if len(batch.rows)]
-        self._frames = {'': 0}
+        self._frames = {}
         if not held:
             return []
         columns = self._columns(held, on_malformed)
@@ -119,38 +117,29 @@ class FieldsDecoder:
         header_ns = self._header_ns(columns['stamps'])
         self._spread_increments(columns['samples'], header_ns, columns['receive_ns'])
         names, frames = list(self._frames), columns['frames']
+        changes = np.diff(frames) != 0 if len(names) > 1 else np.zeros(0, np.bool_)
         return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
                          columns['absent'][a:b], names[frames[a]])
-                for a, b in runs(np.diff(frames) != 0, len(header_ns))]
+                for a, b in runs(changes, len(header_ns))]
 
     # ----------------------------------------------------------------------------------- columns
 
     def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed,
                  ) -> Columns | None:
-        """Decode batches, grouped by message size; 'frames' may have one entry for all."""
-        if len(batches) == 1:
-            # Fast path for by far the most frequent case, in which nothing has to be sorted.
-            [batch] = batches
-            with suppress(MalformedImu):
-                layout = self._layouts.of(batch.rows[0].data)
-                if rows_like_first(batch.rows, layout.keys_and_frame) is None:
-                    columns = self._extract(batch.rows, batch.receive_ns, layout, on_malformed)
-                    columns['frames'] = frames_of(batch.rows[:1], layout.frame_id, self._frames)
-                    return columns
-        bounds = np.cumsum([0, *(len(batch.rows) for batch in batches)])
+        """Decode batches, grouped by message size."""
+        bounds = [0, *accumulate(len(batch.rows) for batch in batches)]
         by_size: dict[int, list[int]] = {}
         for number, batch in enumerate(batches):
             by_size.setdefault(batch.rows.shape[1], []).append(number)
         decoded: list[Columns] = []
         for numbers in by_size.values():
-            rows = np.concatenate([batches[number].rows for number in numbers])
-            receive_ns = np.concatenate([batches[number].receive_ns for number in numbers])
-            index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
+            rows = _joined([batches[number].rows for number in numbers])
+            receive_ns = _joined([batches[number].receive_ns for number in numbers])
+            index = _joined([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
             for which, layout in self._layouts.groups(rows, on_malformed):
-                same = rows if len(which) == len(rows) else rows[which]
-                part = self._extract(same, receive_ns[which], layout, on_malformed)
-                frames = frames_of(same, layout.frame_id, self._frames)
-                of = part.get('message', np.arange(len(same)))
+                part = self._extract(rows[which], receive_ns[which], layout, on_malformed)
+                frames = frames_of(rows[which], layout.frame_id, self._frames)
+                of = part.get('message', slice(None))
                 part['frames'], part['message'] = frames[of], index[which][of]
                 decoded.append(part)
         if len(decoded) < 2:
@@ -190,6 +179,11 @@ class FieldsDecoder:
                     self._step_ns = float(np.median(steps)) if len(steps) else 0.0
                 samples[:, first:first + 3] *= (
                     1_000_000_000 / self._step_ns if self._step_ns > 0 else np.nan)
+
+
+def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
+    """Join arrays; most often there is one, which is not copied."""
+    return np.concatenate(arrays) if len(arrays) > 1 else arrays[0]
 
 
 def _advances(times: Ints) -> bool:

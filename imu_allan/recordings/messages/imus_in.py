@@ -52,18 +52,6 @@ def may_hold_imu(type_name: str) -> bool:
     return type_name.partition('/')[0] not in of_ros
 
 
-def is_parsed(topic: str, type_name: str, definition: Definition, options: RecordingOptions
-              ) -> bool:
-    """Return whether a topic is accepted or rejected by its definition, not only its type name."""
-    kind = normal_name(type_name)
-    if _named(topic, options) != (None, None):
-        return True
-    if kind in IMU_TYPES:
-        return False
-    return kind in KNOWN or kind in TEMPERATURE_TYPES or (
-        may_hold_imu(kind) and _shows_imu(definition))
-
-
 def imus_in(
     topic: str, type_name: str, serialization: Serialization,
     definition: Definition | Types | None, options: RecordingOptions,

@@ -107,26 +107,20 @@ class MessageLayout:
             self._step()
             name = f'{path}{field.name}'
             count = self._length() if field.count == 0 else field.count
-            if field.is_message:
-                if count is None:
-                    self._visit(field.kind, f'{name}.', depth + 1)
-                for number in range(count or 0):
-                    self._step()
-                    self._visit(field.kind, f'{name}[{number}].', depth + 1)
-            elif field.kind == 'string':
-                for number in range(1 if count is None else count):
-                    self._step()
-                    length = self._length()
-                    start = self._pass_over(length, 1)
-                    if count is None:
-                        self._note(name, start, 'string', length)
-                    else:
-                        self._note(f'{name}[{number}]', start, 'string', length)
-            else:
+            if not field.is_message and field.kind != 'string':
                 width = int(field.kind[1:])
                 numbers = 1 if count is None else count
                 start = self._pass_over(numbers * width, width if numbers else 1)
                 self._note(name, start, field.kind, numbers)
+                continue
+            for number in range(1 if count is None else count):
+                self._step()
+                element = name if count is None else f'{name}[{number}]'
+                if field.is_message:
+                    self._visit(field.kind, f'{element}.', depth + 1)
+                else:
+                    length = self._length()
+                    self._note(element, self._pass_over(length, 1), 'string', length)
 
     def _note(self, name: str, at: int, kind: str, count: int) -> None:
         if name in self._wanted:
@@ -165,8 +159,6 @@ class RecordLayout:
     ----------
     keys : tuple of (int, int)
         Start and stop of the bytes in which messages of equal size with this layout agree.
-    keys_and_frame : tuple of (int, int)
-        The same, with the bytes of frame_id.
     record : dtype
         A message as a record, with the paths of the numbers and arrays to read as names. Three
         adjacent numbers form one more field, named by all three paths.
@@ -176,7 +168,6 @@ class RecordLayout:
     """
 
     keys: Spans
-    keys_and_frame: Spans
     record: np.dtype[np.void]
     frame_id: Place | None
 
@@ -208,9 +199,9 @@ class RecordLayouts:
         return layout
 
     def groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed,
-               ) -> list[tuple[NDArray[np.intp], RecordLayout]]:
+               ) -> list[tuple[NDArray[np.intp] | slice, RecordLayout]]:
         """Group rows, messages of equal size, by layout."""
-        found: list[tuple[NDArray[np.intp], RecordLayout]] = []
+        found: list[tuple[NDArray[np.intp] | slice, RecordLayout]] = []
         left = np.arange(len(rows))
         # With many layouts, compare only some messages at a time.
         at_a_time = 256
@@ -222,9 +213,10 @@ class RecordLayouts:
                 on_malformed(1, error)
                 left = left[1:]
                 continue
-            like = rows_like_first(rows if len(left) == len(rows) else rows[left], layout.keys)
+            which = slice(None) if len(left) == len(rows) else left
+            like = rows_like_first(rows[which], layout.keys)
             if like is None:
-                found.append((left, layout))
+                found.append((which, layout))
                 break
             found.append((left[like], layout))
             left = left[~like]
@@ -261,21 +253,13 @@ class RecordLayouts:
                 fields[joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
         frame = None if frame_id is None else parsed.places[frame_id]
-        keys = tuple(parsed.keys)
-        return RecordLayout(keys, keys if frame is None else _joined(
-            keys, (frame.at, frame.at + frame.count)), np.dtype({
-                'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
-                'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
+        return RecordLayout(tuple(parsed.keys), np.dtype({
+            'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
+            'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
 
 
 def _key(message: memoryview, layout: RecordLayout) -> bytes:
     return b''.join(message[start:stop] for start, stop in layout.keys)
-
-
-def _joined(keys: Spans, text: tuple[int, int]) -> Spans:
-    """Add the bytes of a text to the keys, merged with those of its length."""
-    start = next((key[0] for key in keys if key[1] == text[0]), text[0])
-    return (*(key for key in keys if key[1] != text[0]), (start, text[1]))
 
 
 def joint_field(vector: Vector) -> str:
