@@ -132,16 +132,15 @@ def spectra():
 def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
     of, starts = spectra
     # Rows with each shape, somewhere near where they belong.
-    proposals, x = search.Proposals(of, 0), starts[0].x.copy()
+    x = starts[0].x.copy()
     x[search.LOW] = of.tables.low_pass.first[2] + 2.0
     x[search.HIGH] = of.tables.high_pass.first[0] + 1.0
     x[search.TIME] = of.tables.terms[1].first[0] + 2.1
     x[search.ALPHA] = 0.93
     free, process = (search.LAW, search.ALPHA), (search.PROCESS, search.TIME)
-    for slots in ([1], range(4), [1, *free], [1, 2, *process], [1, 2, search.LOW],
-                  [1, 2, search.HIGH], [*range(5), *process, search.LOW]):
-        proposals.add(slots, x, family=2)
-    rows = proposals.rows()
+    rows = search.rows_of(of, 0, [search.Model(slots, x, family=2) for slots in (
+        [1], range(4), [1, *free], [1, 2, *process], [1, 2, search.LOW], [1, 2, search.HIGH],
+        [*range(5), *process, search.LOW])])
     for part in batches(rows):
         own = rows.take(part)
         _, gradient, information = losses(of, own, own.x)
@@ -158,9 +157,8 @@ def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
 
 def test_evidence_of_white_noise_is_its_integral(spectra):
     of, starts = spectra
-    own = search.Proposals(of, 0)
-    own.add([1], starts[0].x)
-    rows = maximise_rows(of, own.rows(), 30, tolerance=1e-9)
+    own = search.rows_of(of, 0, [search.Model([1], starts[0].x)])
+    rows = maximise_rows(of, own, 30, tolerance=1e-9)
     [draws] = sample(of, rows, np.array([512]))
 
     def likelihood(white):

@@ -23,6 +23,8 @@ from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.judgments import (
     EXPONENT_ODDS,
     EXPONENT_SPREAD,
+    PER_HALF_OCTAVE,
+    TOP,
     UNSEEN_LEVEL,
     WITHOUT_FLICKER,
 )
@@ -392,24 +394,21 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Boo
     return np.asarray((outwards & rows.has[:, NUISANCES]).any(axis=1))
 
 
-def structure_prior(tables: Tables, gentle: float, has: Bools, family: int) -> float:
-    """Return the log prior of a set of shapes, with the density of their nuisances."""
-    total = sum(np.log(shape.prior) for slot, shape in enumerate(TERM_SHAPES)
-                if has[slot] and slot != ALWAYS)
+def structure_prior(spectra: Spectra, rows: Rows) -> Array:
+    """Return the log prior of the shapes of rows, their edges and the density of nuisances."""
+    has, groups = rows.has, len(spectra.frequency)
+    total = has[:, :PLAIN] @ np.log([shape.prior for shape in TERM_SHAPES])
     # Neither flicker nor slow noise with another exponent.
-    if not has[[KEYS.index(FLICKER), PLAIN]].any():
-        total += has[SLOWER].sum() * np.log(WITHOUT_FLICKER)
-    for k, shape in enumerate(FREE_SHAPES):
-        if has[PLAIN + 2 * k]:
-            total += np.log(shape.prior)
-            if shape.key == 'gauss_markov':
-                table = tables.terms[k]
-                total -= np.log(table.last[0] - table.first[0])
-            else:
-                total += np.log(EXPONENT_ODDS)
-    for slot, table, one, shapes in ((LOW, tables.low_pass, family, LOW_PASSES),
-                                     (HIGH, tables.high_pass, 0, HIGH_PASSES)):
-        if has[slot]:
-            last = gentle if slot == LOW and one == GENTLE_FAMILY else table.last[one]
-            total += np.log(shapes[one].prior / max(last - table.first[one], 0.5))
-    return float(total)
+    alone = ~has[:, [KEYS.index(FLICKER), PLAIN]].any(axis=1)
+    total += np.log(WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
+    first, last = spectra.tables.ranges(rows.family)
+    width = last - first
+    gentle = rows.family == GENTLE_FAMILY
+    width[gentle, 2] = (spectra.gentle[rows.of] - first[:, 2])[gentle]
+    width[:, 0] = 1.0    # The exponent has a normal prior instead of a uniform one.
+    odds = np.array([FREE_SHAPES[0].prior * EXPONENT_ODDS, FREE_SHAPES[1].prior, 1.0,
+                     HIGH_PASSES[0].prior]) / np.maximum(width, 0.5)
+    odds[:, 2] *= np.array([shape.prior for shape in LOW_PASSES])[rows.family]
+    total += (has[:, NUISANCES] * np.log(odds)).sum(axis=1)
+    half = -half_octaves(spectra.frequency)[np.minimum(rows.edge, groups - 1)]
+    return np.asarray(total + (rows.edge < groups) * (TOP + PER_HALF_OCTAVE * half))

@@ -29,20 +29,14 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.search import (
-    best_of,
-    fast_ends,
-    KEPT,
-    of_axis,
-    search_models,
-)
+from imu_allan.noise.posterior.search import best_of, fast_ends, KEPT, search_models
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.trends import (
     Bank,
     fit_trends,
+    Fitted,
     Found,
     TRENDS,
-    TrendSet,
     waveforms,
 )
 from imu_allan.noise.record.groups import Groups
@@ -134,31 +128,33 @@ def posteriors(groups: Sequence[Groups], dt: float,
     """
     spectra, starts = prepared(groups, dt)
     found = search_models(spectra, starts, dt)
+    axes = range(len(starts))
+    # The models first without trends of the mean, then with one and more.
+    fits = [Fitted(spectra, found, np.array(axes), [()] * len(axes))]
     if bank is None and (some := next(filter(None, records), None)) is not None:
         bank = Bank(some, TRENDS)
-    beside: Sequence[Sequence[TrendSet]] = [()] * len(starts)
     if bank is not None:
-        beside = fit_trends(spectra, starts, found, records, bank)
-    # The models of each axis, first without trends of the mean, then with each set.
-    sets = [[TrendSet((), spectra, of_axis(found, axis)), *own]
-            for axis, own in enumerate(beside)]
-    judged = [_judged(own) for own in sets]
-    for axis, own in enumerate(_refitted(sets, [factor for *_, factor in judged])):
-        sets[axis] = own or sets[axis]
-    return [Posterior(models, p_value, misfit, edge)
-            for models, (p_value, misfit, edge, _) in zip(_drawn(sets), judged, strict=True)]
+        fits += fit_trends(spectra, starts, found, records, bank)
+    judged = [_judged(*_best(fits, axis)) for axis in axes]
+    models = _drawn(_refitted(fits, [factor for *_, factor in judged]), axes)
+    return [Posterior(own, p_value, misfit, edge)
+            for own, (p_value, misfit, edge, _) in zip(models, judged, strict=True)]
 
 
-def _judged(sets: Sequence[TrendSet]) -> tuple[float, float, int | None, Array]:
+def _best(fits: Sequence[Fitted], axis: int) -> tuple[Spectra, Rows]:
+    """Return the best model of an axis, with its spectra."""
+    best = [(one.spectra, one.rows.take(np.flatnonzero(one.axis == axis))) for one in fits]
+    spectra, rows = max(best, key=lambda one: float(one[1].evidence.max(initial=-np.inf)))
+    return spectra, rows.take(np.array([int(np.argmax(rows.evidence))]))
+
+
+def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Array]:
     """
     Test the residuals of the best model of an axis by half-octave.
 
     Returns: probability, largest misfit and edge, as in `Posterior`. Also divisors for the degrees
     of freedom of groups, from misfit and model uncertainty.
     """
-    best = max(sets, key=lambda one: float(one.rows.evidence.max()))
-    spectra = best.spectra
-    row = best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
     lam, weight, size, covariance = fitted_mean(spectra, row, row.x)
     dof = (weight * lam)[0]
     ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
@@ -230,80 +226,79 @@ def _shape_error(residual: Array, weight: Array, removed: Array, slopes: Array, 
     return float(np.sqrt(np.average(tried**2, weights=np.exp(log_density - log_density.max()))))
 
 
-def _refitted(sets: Sequence[Sequence[TrendSet]], factors: Sequence[Array]
-              ) -> list[list[TrendSet]]:
+def _refitted(fits: Sequence[Fitted], factors: Sequence[Array]) -> Sequence[Fitted]:
     """
-    Fit the models again with degrees of freedom divided by `factors`.
+    Fit the models again with degrees of freedom divided by the `factors` of each axis.
 
-    Returns: models of each axis; none where no group counts less by a tenth or more.
+    Axes where no group counts less by a tenth or more stay as they are.
     """
-    found: list[list[TrendSet]] = [[] for _ in sets]
-    for batch in _batches([own if (factor > 1.1).any() else []
-                           for own, factor in zip(sets, factors, strict=True)]):
-        spectra = batch[0][1].spectra
-        dof = spectra.dof.copy()
-        for axis, one in batch:
-            dof[one.rows.of[0]] /= factors[axis]
-        spectra = spectra.with_dof(dof)
-        rows = maximise_rows(spectra, Rows.joined([one.rows for _, one in batch]))
-        for axis, one in batch:
-            found[axis].append(TrendSet(one.found, spectra, of_axis(rows, int(one.rows.of[0]))))
-    return [_with_settled_ends(new, old) for new, old in zip(found, sets, strict=True)]
+    again = np.array([bool((factor > 1.1).any()) for factor in factors])
+    if not again.any():
+        return fits
+    divisors = np.where(again[:, None], factors, 1.0)
+    found = []
+    for one in fits:
+        spectra = one.spectra.with_dof(one.spectra.dof / divisors[one.axes])
+        own = again[one.axis]
+        rows = [one.rows.take(np.flatnonzero(~own))]
+        if own.any():
+            rows.append(maximise_rows(spectra, one.rows.take(np.flatnonzero(own))))
+        found.append(replace(one, spectra=spectra, rows=Rows.joined(rows)))
+    return _with_settled_ends(found, fits)
 
 
-def _batches(sets: Sequence[Sequence[TrendSet]]) -> list[list[tuple[int, TrendSet]]]:
-    """Gather the models of all axes that were fitted to the same spectra."""
-    found: dict[int, list[tuple[int, TrendSet]]] = {}
-    for axis, own in enumerate(sets):
-        for one in own:
-            found.setdefault(id(one.spectra), []).append((axis, one))
-    return [*found.values()]
-
-
-def _with_settled_ends(sets: Sequence[TrendSet], before: Sequence[TrendSet]) -> list[TrendSet]:
+def _with_settled_ends(fits: Sequence[Fitted], before: Sequence[Fitted]) -> list[Fitted]:
     """
     Weigh the fast ends of the spectrum as `before` degrees of freedom were reduced.
 
     Where groups hardly count any more, white noise without a filter would fit them.
     """
-    full, reduced = _best_by_end(before), _best_by_end(sets)
+    full, reduced = _best_by_end(before), _best_by_end(fits)
     settled = []
-    for one in sets:
-        more = np.array([full[end] - reduced[end] for end in fast_ends(one.rows)])
+    for one in fits:
+        more = np.array([full[end] - reduced[end] for end in _ends(one)])
         settled.append(replace(one, rows=replace(
             one.rows, evidence=one.rows.evidence + more, prior=one.rows.prior + more)))
     return settled
 
 
-def _best_by_end(sets: Sequence[TrendSet]) -> dict[tuple[int, ...], float]:
-    """Return the largest evidence for each fast end."""
+def _best_by_end(fits: Sequence[Fitted]) -> dict[tuple[int, ...], float]:
+    """Return the largest evidence for each axis and fast end."""
     found: dict[tuple[int, ...], float] = {}
-    for one in sets:
-        for end, evidence in zip(fast_ends(one.rows), one.rows.evidence.tolist(), strict=True):
+    for one in fits:
+        for end, evidence in zip(_ends(one), one.rows.evidence.tolist(), strict=True):
             found[end] = max(found.get(end, -np.inf), evidence)
     return found
 
 
-def _drawn(sets: Sequence[Sequence[TrendSet]]) -> list[tuple[Drawn, ...]]:
+def _ends(one: Fitted) -> list[tuple[int, ...]]:
+    """Return the axis and the fast end of each row."""
+    return [(axis, *end) for axis, end in zip(
+        one.axis.tolist(), fast_ends(one.rows), strict=True)]
+
+
+def _drawn(fits: Sequence[Fitted], axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
     """Draw from all models of each axis near its best; those of the same spectra in one batch."""
-    evidence = [np.concatenate([one.rows.evidence for one in own]) for own in sets]
-    near = [[replace(one, rows=one.rows.take(np.flatnonzero(
-        one.rows.evidence > each.max() - KEPT))) for one in own]
-        for own, each in zip(sets, evidence, strict=True)]
-    found: list[list[Drawn]] = [[] for _ in sets]
-    for batch in _batches([[one for one in own if len(one.rows)] for own in near]):
-        spectra = batch[0][1].spectra
-        of = {int(one.rows.of[0]): (axis, one.found) for axis, one in batch}
-        rows = best_of(spectra, Rows.joined([one.rows for _, one in batch]), KEPT, 10)
-        axes = [of[number][0] for number in rows.of.tolist()]
-        total = np.array([np.logaddexp.reduce(each) for each in evidence])[axes]
+    every, evidence = (np.concatenate(each) for each in zip(
+        *((one.axis, one.rows.evidence) for one in fits), strict=True))
+    top, total = (np.array([measure(evidence[every == axis]) for axis in axes])
+                  for measure in (np.max, np.logaddexp.reduce))
+    found: list[list[Drawn]] = [[] for _ in axes]
+    for one in fits:
+        near = one.rows.take(np.flatnonzero(one.rows.evidence > top[one.axis] - KEPT))
+        if not len(near):
+            continue
+        rows = best_of(one.spectra, near, KEPT, 10)
+        own = one.axes[rows.of]
         # Draw most from the models of the largest weight, which set the interval ends.
-        weights = np.exp(rows.evidence - total)
+        weights = np.exp(rows.evidence - total[own])
         counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
-        for i, (axis, draws) in enumerate(zip(axes, sample(spectra, rows, counts), strict=True)):
+        for i, (axis, draws) in enumerate(zip(
+                own.tolist(), sample(one.spectra, rows, counts), strict=True)):
             row = rows.take(np.array([i]))
-            found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])), spectra,
-                                     of[int(row.of[0])][1], 0.0, draws.x, draws.share))
+            found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])),
+                                     one.spectra, one.trends[row.of[0]], 0.0, draws.x,
+                                     draws.share))
     return [_weighted(own) for own in found]
 
 

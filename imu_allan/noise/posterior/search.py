@@ -6,11 +6,12 @@ Search for the models that matter: first the fast end of the spectrum, then the 
 All axes are searched together, so that each step is one batch.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
-from imu_allan.arrays import Array, Bools
+from imu_allan.arrays import Array
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
-from imu_allan.noise.posterior.judgments import PER_HALF_OCTAVE, TOP
 from imu_allan.noise.posterior.likelihood import (
     GENTLE_FAMILY,
     half_octaves,
@@ -36,31 +37,26 @@ FAST = (Q, OUTPUT, LOW)
 """Slots of the shapes that change the fast end of the spectrum."""
 
 
-class Proposals:
-    """Collects models of one axis to be fitted."""
+class Model(NamedTuple):
+    """A model to be fitted: its slots, where to begin, its filter, its first group left out."""
 
-    def __init__(self, spectra: Spectra, of: int) -> None:
-        self._spectra, self._of = spectra, of
-        self._found: list[tuple[Bools, int, int, Array, float]] = []
+    slots: Sequence[int]
+    x: Array
+    family: int = 0
+    edge: int | None = None
 
-    def add(self, slots: Sequence[int], x: Array, family: int = 0, edge: int | None = None,
-            prior: float = 0.0) -> None:
-        """Add a model with the shapes in `slots`, to be fitted from `x`."""
-        has = np.zeros(SLOTS, dtype=bool)
-        has[list(slots)] = True
-        total = prior + structure_prior(self._spectra.tables,
-                                        float(self._spectra.gentle[self._of]), has, family)
-        groups = self._spectra.dof.shape[1]
-        self._found.append((has, family, groups if edge is None else edge, x, total))
 
-    def rows(self) -> Rows:
-        """Return the collected models as rows that are not fitted yet."""
-        has, family, edge, x, prior = zip(*self._found, strict=True)
-        count = len(has)
-        nothing = np.zeros(count)
-        return Rows(np.full(count, self._of), np.array(x), np.array(has), np.array(family),
-                    np.array(edge), np.array(prior), nothing,
-                    np.zeros((count, SLOTS, SLOTS)), nothing)
+def rows_of(spectra: Spectra, of: int, models: Iterable[Model]) -> Rows:
+    """Return models of one spectrum as rows that are not fitted yet."""
+    slots, x, family, edge = zip(*models, strict=True)
+    has = np.zeros((len(slots), SLOTS), dtype=bool)
+    for row, own in zip(has, slots, strict=True):
+        row[list(own)] = True
+    nothing = np.zeros(len(slots))
+    rows = Rows(np.full(len(slots), of), np.array(x), has, np.array(family),
+                np.array([len(spectra.frequency) if one is None else one for one in edge]),
+                nothing, nothing, np.zeros((len(slots), SLOTS, SLOTS)), nothing)
+    return replace(rows, prior=structure_prior(spectra, rows))
 
 
 def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
@@ -82,23 +78,28 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
         At most `MOST` per axis, the best first.
 
     """
-    fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
+    fast = Rows.joined([rows_of(spectra, axis, _fast_ends(spectra, axis, start, dt))
                         for axis, start in enumerate(starts)])
     fast = maximise_rows(spectra, fast, hopeless=16.0, on_grid=True)
     # Nats below the best at which a fast end, or a slow noise, is dropped.
     kept = 12.0
     fast = best_of(spectra, fast, kept, 12)
-    behind = _behind_filters(spectra, starts, fast, dt)
-    if len(behind):
-        behind = maximise_rows(spectra, behind, hopeless=16.0, on_grid=True)
-        fast = best_of(spectra, Rows.joined([fast, behind]), kept, 12)
+    # Output noise after a filter, where the best model has an unexplained top.
+    behind = [rows_of(spectra, axis, _filtered(
+        spectra, axis, start, dt, (N, B, K, OUTPUT, LOW), {OUTPUT: 0.5 * np.log(
+            spectra.power[axis, -1] / spectra.columns[axis, OUTPUT, -1])}))
+        for axis, start in enumerate(starts)
+        if of_axis(fast, axis).edge[0] < len(spectra.frequency)]
+    if behind:
+        more = maximise_rows(spectra, Rows.joined(behind), hopeless=16.0, on_grid=True)
+        fast = best_of(spectra, Rows.joined([fast, more]), kept, 12)
     ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
-    slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
+    slow = Rows.joined([rows_of(spectra, axis, _slow_noises(spectra, start, own))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
     slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
     found = best_of(spectra, slow, kept, 8)
-    crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
-        spectra, axis, own, of_axis(found, axis))]
+    crossed = [_crossed(spectra, of_axis(found, axis), own.take(np.array([number])))
+               for axis, own in enumerate(ends) for number in range(1, len(own))]
     if crossed:
         more = maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)
         found = Rows.joined([found, more])
@@ -126,90 +127,67 @@ def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
 def _with(x: Array, values: Mapping[int, float]) -> Array:
     """Return a copy of a starting point with other values of some slots."""
     new = x.copy()
-    for slot, value in values.items():
-        new[slot] = value
+    new[list(values)] = list(values.values())
     return new
 
 
-def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
+def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator[Model]:
     """Propose models of the fast end of one axis, combined with the usual slow noise."""
     nu = np.minimum(spectra.frequency * dt, 0.5)
-    own = Proposals(spectra, axis)
     # From far below, a maximum is out of sight: half the power at the top may be quantization.
     top = 0.5 * np.log(0.5 * spectra.power[axis, -1] / spectra.columns[axis, Q, -1])
     x = _with(start.x, {Q: max(start.x[Q], top)})
     slow, law = (N, B, K), (N, K, LAW, ALPHA)
-    table = spectra.tables.low_pass
     for more in ((), (Q,)):
-        own.add((*slow, *more), x)
+        yield Model((*slow, *more), x)
         for alpha in (0.5, 0.8, 1.3):
-            own.add((*law, *more), _with(x, {ALPHA: alpha, LAW: x[B]}))
+            yield Model((*law, *more), _with(x, {ALPHA: alpha, LAW: x[B]}))
     process = spectra.tables.terms[1]
     for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
-        own.add((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
-
-    unit = float(spectra.unit[axis, N])**2
-    _filtered(own, spectra, axis, start, dt, (*slow, LOW), {})
-    for half, edge in _edges(nu):
-        prior = TOP + PER_HALF_OCTAVE * half
-        below = _with(x, {N: 0.5 * np.log(
-            start.white[int(np.searchsorted(nu, nu[edge] / 3))] / unit)})
-        own.add(slow, below, edge=edge, prior=prior)
+        yield Model((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
+    yield from _filtered(spectra, axis, start, dt, (*slow, LOW), {})
+    table, families = spectra.tables.low_pass, [shape.key for shape in LOW_PASSES]
+    for edge in _edges(nu):
+        below = _with(x, {N: _white(spectra, axis, start, int(np.searchsorted(nu, nu[edge] / 3)))})
+        yield Model(slow, below, edge=edge)
         # These filters may begin to roll off below an edge.
-        for key in ('recursive_mean', 'butterworth_2'):
-            family = next(k for k, shape in enumerate(LOW_PASSES) if shape.key == key)
-            corner = _corner_at(key, float(nu[edge]))
+        for key, corner in (('recursive_mean', 2 * np.sin(np.pi * nu[edge])),
+                            ('butterworth_2', np.tan(min(np.pi * nu[edge], 1.2)))):
+            family = families.index(key)
             corner = np.clip(np.log(corner), table.first[family], table.last[family])
-            own.add((*slow, LOW), _with(below, {LOW: corner}), family, edge, prior)
-    return own.rows()
+            yield Model((*slow, LOW), _with(below, {LOW: corner}), family, edge)
 
 
-def _behind_filters(spectra: Spectra, starts: Sequence[Start], fast: Rows, dt: float) -> Rows:
-    """Propose output noise after a filter, for axes whose best model has an unexplained top."""
-    found = fast.take(np.zeros(0, np.int64))
-    for axis, start in enumerate(starts):
-        if of_axis(fast, axis).edge[0] < spectra.dof.shape[1]:
-            own = Proposals(spectra, axis)
-            last = 0.5 * np.log(spectra.power[axis, -1] / spectra.columns[axis, OUTPUT, -1])
-            _filtered(own, spectra, axis, start, dt, (N, B, K, OUTPUT, LOW),
-                      {OUTPUT: last})
-            found = Rows.joined([found, own.rows()])
-    return found
+def _white(spectra: Spectra, axis: int, start: Start, group: int) -> float:
+    """Return a starting value for white noise: the level of the spectrum at a group."""
+    return float(0.5 * np.log(start.white[group]) - np.log(spectra.unit[axis, N]))
 
 
-def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: float,
-              slots: Sequence[int], values: Mapping[int, float]) -> None:
+def _filtered(spectra: Spectra, axis: int, start: Start, dt: float, slots: Sequence[int],
+              values: Mapping[int, float]) -> Iterator[Model]:
     """Propose every filter at several corners."""
     nu, table = np.minimum(spectra.frequency * dt, 0.5), spectra.tables.low_pass
-    unit = float(spectra.unit[axis, N])**2
-    for family in range(len(LOW_PASSES)):
+    for family, shape in enumerate(LOW_PASSES):
         first, last = table.first[family], table.last[family]
         last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
         # Each notch of a moving mean may be a maximum of its own.
-        count = 13 if LOW_PASSES[family].key == 'moving_mean' else 7
+        count = 13 if shape.key == 'moving_mean' else 7
         for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), count):
-            at = int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0)))
             # Start with white noise at the level of the spectrum in the pass band.
-            white = 0.5 * np.log(start.white[min(at, len(nu) - 1)] / unit)
-            own.add(slots, _with(start.x, {LOW: corner, N: white, **values}), family)
+            at = min(int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0))), len(nu) - 1)
+            white = _white(spectra, axis, start, at)
+            yield Model(slots, _with(start.x, {LOW: corner, N: white, **values}), family)
 
 
-def _edges(nu: Array) -> Iterator[tuple[int, int]]:
-    """Yield possible edges as (half-octaves from the top, first group above the edge)."""
+def _edges(nu: Array) -> Iterator[int]:
+    """Yield possible edges: the first group of half-octaves from the top."""
     halves = half_octaves(nu)
     # Farther from the top, every other half-octave is enough.
     for half in (1, 2, 3, 4, *range(5, 21, 2)):
         edge = int(np.searchsorted(halves, -half))
         if edge < FEWEST_GROUPS:
             return
-        yield half, edge
-
-
-def _corner_at(key: str, nu: float) -> float:
-    """Return a starting value for the corner of a filter that rolls off near frequency `nu`."""
-    if key == 'recursive_mean':
-        return float(2 * np.sin(np.pi * nu))
-    return float(np.tan(min(np.pi * nu, 1.2))) if key == 'butterworth_2' else 2.5 * nu
+        yield edge
 
 
 def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
@@ -218,14 +196,11 @@ def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
     seen: dict[tuple[int, ...], int] = {}
     for i, end in enumerate(fast_ends(own)):
         seen.setdefault(end, i)
-    kept = own.take(np.array(list(seen.values())[:5]))
-    if any(_fast_part(kept.take(np.array([i]))) == [] and kept.edge[i] == spectra.dof.shape[1]
-           for i in range(len(kept))):
-        return kept
     # The effect of a high-pass can pass for an edge, so a plain fast end is fitted as well.
-    plain = Proposals(spectra, axis)
-    plain.add((N, B, K), start.x)
-    return Rows.joined([kept, plain.rows()])
+    plain = rows_of(spectra, axis, [Model((N, B, K), start.x)])
+    kept = list(seen)[:5]
+    own = own.take(np.array([seen[end] for end in kept]))
+    return own if fast_ends(plain)[0] in kept else Rows.joined([own, plain])
 
 
 def fast_ends(rows: Rows) -> list[tuple[int, ...]]:
@@ -234,63 +209,40 @@ def fast_ends(rows: Rows) -> list[tuple[int, ...]]:
     return [*map(tuple, np.column_stack((family, rows.edge, rows.has[:, FAST])).tolist())]
 
 
-def _fast_part(row: Rows) -> list[int]:
-    """Return the slots of a row that change the fast end of the spectrum."""
-    return [slot for slot in FAST if row.has[0, slot]]
-
-
-def extra_prior(spectra: Spectra, row: Rows) -> float:
-    """Return the part of the prior of a row that is not of its structure: that of an edge."""
-    return float(row.prior[0]) - structure_prior(
-        spectra.tables, float(spectra.gentle[row.of[0]]), row.has[0], int(row.family[0]))
-
-
-def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
-    """Propose every kind of slow noise, combined with one fast end."""
-    own, fast, prior = Proposals(spectra, axis), _fast_part(end), extra_prior(spectra, end)
-    x = end.x[0].copy()
+def _slow_noises(spectra: Spectra, start: Start, ends: Rows) -> Iterator[Model]:
+    """Propose every kind of slow noise, combined with the first of the fast ends of an axis."""
+    x, has = ends.x[0].copy(), ends.has[0]
     for slot in (B, K):
-        if not end.has[0, slot] or x[slot] < 0:
+        if not has[slot] or x[slot] < 0:
             x[slot] = max(start.x[slot], 0.3)
 
-    def add(*slots: int, begin: Mapping[int, float] = {}) -> None:
-        own.add((N, *slots, *fast), _with(x, begin), int(end.family[0]), int(end.edge[0]), prior)
+    def model(*slots: int, begin: Mapping[int, float] = {}) -> Model:
+        return Model((N, *slots, *(slot for slot in FAST if has[slot])), _with(x, begin),
+                     int(ends.family[0]), int(ends.edge[0]))
 
     process, high = spectra.tables.terms[1], spectra.tables.high_pass
     for random_walk in ((), (K,)):
         for flicker in ((), (B,)):
-            add(*flicker, *random_walk)
+            yield model(*flicker, *random_walk)
             for smooth in (1.0, 4.0):
-                add(*flicker, SMOOTH, *random_walk, begin={SMOOTH: smooth})
+                yield model(*flicker, SMOOTH, *random_walk, begin={SMOOTH: smooth})
         for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
-            add(PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.5})
-            add(B, PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.0})
+            yield model(PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.5})
+            yield model(B, PROCESS, TIME, *random_walk, begin={TIME: time, PROCESS: 1.0})
         for alpha in (0.55, 0.8, 1.2, 1.5):
-            add(LAW, ALPHA, *random_walk, begin={ALPHA: alpha, LAW: x[B]})
+            yield model(LAW, ALPHA, *random_walk, begin={ALPHA: alpha, LAW: x[B]})
     for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 7):
-        add(HIGH, begin={HIGH: corner})
-        add(B, HIGH, begin={HIGH: corner})
-    return own.rows()
+        yield model(HIGH, begin={HIGH: corner})
+        yield model(B, HIGH, begin={HIGH: corner})
 
 
-def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
-    """Propose the best slow noises, combined with each of the other fast ends."""
-    if len(ends) < 2:
-        return []
-    own = Proposals(spectra, axis)
-    for k in range(1, len(ends)):
-        end = ends.take(np.array([k]))
-        prior, fast = extra_prior(spectra, end), _fast_part(end)
-        seen = set()
-        for i in range(len(slow)):
-            has = slow.has[i].copy()
-            has[[*FAST]] = False
-            if has.tobytes() in seen:
-                continue
-            seen.add(has.tobytes())
-            x = slow.x[i].copy()
-            for slot in (N, *FAST):
-                x[slot] = end.x[0, slot]
-            own.add((*np.flatnonzero(has).tolist(), *fast), x, int(end.family[0]),
-                    int(end.edge[0]), prior)
-    return [own.rows()]
+def _crossed(spectra: Spectra, slow: Rows, end: Rows) -> Rows:
+    """Combine the best row of each slow noise with another fast end."""
+    rest = slow.has.copy()
+    rest[:, FAST] = False
+    rows = slow.take(np.sort(np.unique(rest, axis=0, return_index=True)[1]))
+    x, has = rows.x.copy(), rows.has.copy()
+    x[:, [N, *FAST]], has[:, FAST] = end.x[0, [N, *FAST]], end.has[0, FAST]
+    same = np.zeros(len(rows), np.int64)
+    rows = replace(rows, x=x, has=has, family=end.family[same], edge=end.edge[same])
+    return replace(rows, prior=structure_prior(spectra, rows))

@@ -9,11 +9,11 @@ form. With the gain g of the regression beyond the ramp, it is (prior/2) sqrt(2 
 for one column, and (prior/g) e^(g/2) for two.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-from imu_allan.arrays import Array
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import (
     batches,
@@ -25,13 +25,13 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.prepared import Start
 from imu_allan.noise.posterior.search import (
     B,
-    extra_prior,
     FAST,
     K,
+    Model,
     N as WHITE,
     of_axis,
     PROCESS,
-    Proposals,
+    rows_of,
     TIME,
 )
 from imu_allan.noise.trends.mean_in_blocks import Waveform
@@ -157,23 +157,32 @@ def waveforms(found: Sequence[Found], duration_s: float) -> list[Waveform]:
 
 
 @dataclass(frozen=True)
-class TrendSet:
+class Fitted:
     """
-    Noise models that are fitted together with the same trends.
+    Noise models of all axes that were fitted together, each with trends of its spectrum.
 
     Attributes
     ----------
-    found : tuple of Found
     spectra : Spectra
-        Spectra with the trends as regressors, those of other sets among them.
+        Spectra with the trends as regressors.
     rows : Rows
         Fitted models; prior and evidence include the amplitudes and nuisances of the trends.
+    axes : ndarray of int, shape (spectra,)
+        Axis of each spectrum.
+    trends : sequence of tuple of Found
+        Trends of each spectrum.
 
     """
 
-    found: tuple[Found, ...]
     spectra: Spectra
     rows: Rows
+    axes: Ints
+    trends: Sequence[tuple[Found, ...]]
+
+    @property
+    def axis(self) -> Ints:
+        """Return the axis of each row."""
+        return self.axes[self.rows.of]
 
 
 class Bank:
@@ -284,8 +293,7 @@ class Whitened:
 
 
 def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
-               records: Sequence[RecordSpectrum | None], bank: Bank
-               ) -> list[list[TrendSet]]:
+               records: Sequence[RecordSpectrum | None], bank: Bank) -> list[Fitted]:
     """
     Fit the models of each axis with every promising trend, then greedily with two and three.
 
@@ -304,109 +312,102 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
 
     Returns
     -------
-    list of list of TrendSet
-        Fitted sets by axis.
+    list of Fitted
+        One for each number of trends.
 
     """
-    searches = [_Search(spectra, axis, start, of_axis(rows, axis), AxisBank(bank, record))
-                for axis, (start, record) in enumerate(zip(starts, records, strict=True))
+    searches = [_Search(axis, of_axis(rows, axis), AxisBank(bank, record))
+                for axis, record in enumerate(records)
                 if record is not None and record.duration_s > 0]
-    found: list[list[TrendSet]] = [[] for _ in starts]
     if not searches:
-        return found
-    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
-    for search in searches:
-        search.begin(of_axis(still, search.axis))
+        return []
+    tried = [rows_of(spectra, search.axis, _noises(spectra, starts[search.axis], search.best))
+             for search in searches]
+    still = maximise_rows(spectra, Rows.joined(tried))
+    for search, own in zip(searches, tried, strict=True):
+        search.begin(spectra, own, of_axis(still, search.axis))
+    found: list[Fitted] = []
     # Temperature, a cycle and a warm-up may act at once; a fourth trend would pass for noise.
-    for _ in range(3):
-        fitted = _fitted(spectra, [each for search in searches for each in search.candidates()])
+    while len(found) < 3 and (
+            candidates := [(search, one) for search in searches for one in search.candidates()]):
+        found.append(_fitted(spectra, candidates))
         for search in searches:
-            own = [one for at, one in fitted if at is search]
-            found[search.axis] += own
-            search.go_on(own)
+            search.go_on(found[-1])
     return found
 
 
 class _Search:
     """Greedy search for the trends of one axis."""
 
-    def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: AxisBank
-                 ) -> None:
-        self.axis, self.bank = axis, bank
-        self.chosen: tuple[Found, ...] = ()
-        self._same = False    # whether a second trend must be of the same kind
-        self.tried = _noises(spectra, axis, start, rows)
-        self._best = rows.take(np.array([0]))
+    def __init__(self, axis: int, rows: Rows, bank: AxisBank) -> None:
+        self.axis, self.bank, self.best = axis, bank, rows.take(np.array([0]))
         self._top = float(rows.evidence.max())
-        self._spectra = spectra
+        self._chosen: tuple[Found, ...] = ()
+        self._same = False    # whether a second trend must be of the same kind
         self._about: Whitened | None = None
         self._behind = np.zeros(1)    # gain that each noise model must make up for
 
-    def begin(self, still: Rows) -> None:
-        """Start from the noise models near the best, as fitted without trends."""
+    def begin(self, spectra: Spectra, tried: Rows, still: Rows) -> None:
+        """Start from the noise models near the best, `tried` as fitted without trends."""
+        self.tried = tried
         near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - 30.0))
-        self._look(self._spectra, Rows.joined([self._best, near]))
+        self._look(spectra, Rows.joined([self.best, near]))
 
     def _look(self, spectra: Spectra, rows: Rows) -> None:
         self._about = self.bank.about(
-            spectra.frequency, expected_powers(spectra, rows), self.chosen)
+            spectra.frequency, expected_powers(spectra, rows), self._chosen)
 
-    def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...]]]':
-        """Return the trends that are worth fitting, each added to those already chosen."""
-        found: list[Candidate] = []
+    def candidates(self) -> Iterator[tuple[Found, ...]]:
+        """Yield the trends that are worth fitting, each added to those already chosen."""
         if self._about is None:
-            return found
+            return
         for number, kind in enumerate(self.bank.kinds):
-            if sum(one.kind.key == kind.key for one in self.chosen) >= kind.most:
-                continue
-            if self._same and kind is not self.chosen[0].kind:
+            if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most or (
+                    self._same and kind is not self._chosen[0].kind):
                 continue
             gains = self.bank.gains(self._about, number)
             net = gains.max(axis=1) - self._behind
             best = int(np.argmax(net))
             # With a gain below 9, a trend is not worth fitting.
-            if net[best] < 9.0:
-                continue
-            one = likeliest(self.bank, number, self._about.one(best), gains[best], self.chosen)
-            found.append((self, (*self.chosen, one)))
-        return found
+            if net[best] >= 9.0:
+                yield (*self._chosen, likeliest(
+                    self.bank, number, self._about.one(best), gains[best], self._chosen))
 
-    def go_on(self, own: Sequence[TrendSet]) -> None:
+    def go_on(self, fitted: Fitted) -> None:
         """Choose the best trend, if it clearly improves the evidence, or a step."""
         self._about = None
-        if not own:
+        own = fitted.rows.take(np.flatnonzero(fitted.axis == self.axis))
+        if not len(own):
             return
-        leader = max(own, key=lambda one: float(one.rows.evidence.max()))
-        top = float(leader.rows.evidence.max())
+        leader, top = int(own.of[np.argmax(own.evidence)]), float(own.evidence.max())
         # Continue the search only if the trend improves the evidence by two nats.
         better = top > self._top + 2.0
         if better:
             self._top = top
-        elif not self.chosen and self._best.has[0, K] and (
-                steps := [one for one in own if one.found[0].kind.key == 'bias_step']):
+        elif not self._chosen and self.best.has[0, K] and (steps := [
+                of for of in np.unique(own.of).tolist()
+                if fitted.trends[of][0].kind.key == 'bias_step']):
             # A random walk may describe two steps better than one of them does.
             [leader], self._same = steps, True
         else:
             return
-        self.chosen, evidence = leader.found, leader.rows.evidence
+        self._chosen, rows = fitted.trends[leader], of_axis(own, leader)
         # Look without the random walk, too, which hides what else the mean does. There, a trend
         # must first make up for what the evidence is behind.
-        kinds = [np.flatnonzero(leader.rows.has[:, K] == there)
+        kinds = [np.flatnonzero(rows.has[:, K] == there)
                  for there in ((True, False) if better else (False,))]
-        near = [int(rows[np.argmax(evidence[rows])]) for rows in kinds if len(rows)]
+        near = [int(kind[np.argmax(rows.evidence[kind])]) for kind in kinds if len(kind)]
         if near:
-            self._look(leader.spectra, leader.rows.take(np.array(near)))
-            self._behind = np.maximum(2 * (self._top - evidence[near]), 0.0)
+            self._look(fitted.spectra, rows.take(np.array(near)))
+            self._behind = np.maximum(2 * (self._top - rows.evidence[near]), 0.0)
 
 
 Candidate = tuple[_Search, tuple[Found, ...]]
 """A search, and a set of trends that is worth fitting."""
 
 
-def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> list[tuple[_Search, TrendSet]]:
+def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
     """Fit the noise models with their candidates, in one batch."""
-    if not candidates:
-        return []
     tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
                          for number, (search, _) in enumerate(candidates)])
     # Half a nat is close enough to locate the trend.
@@ -415,21 +416,22 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> list[tuple[_Se
     candidates = [_nearer(candidate, beside, of_axis(rows, number))
                   for number, candidate in enumerate(candidates)]
     beside, rows = _climbed(spectra, candidates, rows)
-    fitted = []
-    for number, (search, found) in enumerate(candidates):
-        own = of_axis(rows, number)
-        occam = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
-        fitted.append((search, TrendSet(found, beside, replace(
-            own, evidence=own.evidence + occam, prior=own.prior + occam))))
-    return fitted
+    occam = np.empty(len(rows))
+    for number, (_, found) in enumerate(candidates):
+        here = np.flatnonzero(rows.of == number)
+        own = rows.take(here)
+        occam[here] = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
+    return Fitted(beside, replace(rows, evidence=rows.evidence + occam, prior=rows.prior + occam),
+                  np.array([search.axis for search, _ in candidates]),
+                  [found for _, found in candidates])
 
 
-def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
-             ) -> tuple[Spectra, Rows]:
+def _climbed(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
+             tolerance: float = 0.02) -> tuple[Spectra, Rows]:
     """Fit rows with their candidates; `of` of a row is the candidate's index."""
     groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
-              for search, found in same]
-    beside = spectra.with_regressors(groups, [search.axis for search, _ in same])
+              for search, found in candidates]
+    beside = spectra.with_regressors(groups, [search.axis for search, _ in candidates])
     return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance)
 
 
@@ -561,35 +563,31 @@ def _interval(values: Array, gains: Array) -> tuple[float, float]:
     return (float(values[max(near[0] - 1, 0)]), float(values[min(near[-1] + 1, len(values) - 1)]))
 
 
-def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
+def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     """
     Propose noise models for the search for trends, each with and without a random walk.
 
     They are combinations of the terms, and the slow noise of the best model. Each is tried with
     the fast end of the best model and a plain one, since a moving mean can pass for a filter.
     """
-    own, seen = Proposals(spectra, axis), set()
-    best = rows.take(np.array([0]))
-    bent = tuple(slot for slot in FAST if best.has[0, slot])
-    slow = tuple(slot for slot in range(len(best.has[0]))
-                 if best.has[0, slot] and slot not in (WHITE, K, *FAST))
-    edge = int(best.edge[0])
-    plain: tuple[tuple[int, ...], Array, int, float] = (
-        (), start.x, spectra.dof.shape[1], 0.0)
-    for fast, x, until, prior in (
-            ((bent, best.x[0], edge, extra_prior(spectra, best)), plain)
-            if bent or edge < plain[2] else (((), best.x[0], edge, 0.0),)):
+    has, x, edge, family = best.has[0], best.x[0], int(best.edge[0]), int(best.family[0])
+    bent = tuple(slot for slot in FAST if has[slot])
+    slow = tuple(slot for slot in np.flatnonzero(has).tolist() if slot not in (WHITE, K, *FAST))
+    ends: list[tuple[tuple[int, ...], Array, int]] = [(bent, x, edge)]
+    if bent or edge < len(spectra.frequency):
+        ends.append(((), start.x, len(spectra.frequency)))
+    seen = set()
+    for fast, x, edge in ends:
         for more in ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow):
             for random_walk in ((), (K,)):
-                slots = (WHITE, *more, *random_walk, *fast)
-                if (slots := tuple(sorted({*slots}))) in seen:
+                slots = tuple(sorted({WHITE, *more, *random_walk, *fast}))
+                if slots in seen:
                     continue
                 seen.add(slots)
                 begin = x.copy()
-                begin[K] = min(max(x[K], 0.3), 2.0) if best.has[0, K] else 0.3
-                if not best.has[0, B]:
+                begin[K] = min(max(x[K], 0.3), 2.0) if has[K] else 0.3
+                if not has[B]:
                     begin[B] = max(start.x[B], 0.3)
-                if not best.has[0, TIME]:
+                if not has[TIME]:
                     begin[TIME], begin[PROCESS] = spectra.tables.terms[1].last[0] - 2.0, 1.5
-                own.add(slots, begin, int(best.family[0]), until, prior)
-    return own.rows()
+                yield Model(slots, begin, family, edge)
