@@ -19,13 +19,13 @@ Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer
 
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from struct import unpack_from
-from typing import Literal
+from typing import Any, Literal
 
 from imu_allan.arrays import Bools, Ints
 from imu_allan.block import ImuBlock
@@ -73,25 +73,30 @@ class MessageBatch:
 @dataclass(frozen=True)
 class ImuLayout:
     """
-    Positions of the fields in one serialized Imu message.
+    Positions of the fields in Imu messages of one size, frame and byte order.
 
     Attributes
     ----------
-    byte_order : {'<', '>'}
-        Little or big endian.
-    text_end : int
-        First byte after the text of frame_id.
-    doubles_at : int
-        First byte of the 37 doubles.
+    keys : list of (int, int)
+        Start and stop of the bytes in which they agree.
+    record : dtype
+        A message as a record of named fields.
     frame_id : str
         header.frame_id.
 
     """
 
-    byte_order: Literal['<', '>']
-    text_end: int
-    doubles_at: int
+    keys: Sequence[tuple[int, int]]
+    record: np.dtype[np.void]
     frame_id: str
+
+
+def byte_order_of(message: bytes | memoryview) -> Literal['<', '>']:
+    """Return the byte order of a message in CDR; raise MalformedImu for another encapsulation."""
+    encapsulation = int.from_bytes(message[:2], 'big')
+    if encapsulation > 1:
+        raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
+    return '<' if encapsulation else '>'
 
 
 def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr') -> ImuLayout:
@@ -101,25 +106,25 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
         raise MalformedImu(
             f'{size} bytes are too few for a sensor_msgs/Imu message '
             f'({_TEXT_AT + 8 * _DOUBLES} at least)')
-    byte_order: Literal['<', '>'] = '<'
-    if serialization == 'cdr':
-        encapsulation = int.from_bytes(message[:2], 'big')
-        if encapsulation > 1:
-            raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
-        byte_order = '<' if encapsulation else '>'
+    is_cdr = serialization == 'cdr'
+    byte_order = byte_order_of(message) if is_cdr else '<'
     [length] = unpack_from(byte_order + 'I', message, _TEXT_LENGTH_AT)
     text_end = _TEXT_AT + length
     doubles_at = _doubles_at(text_end, serialization)
     extra = size - doubles_at - 8 * _DOUBLES
     # Some middleware pads a payload to a multiple of four bytes.
-    if not 0 <= extra <= (3 if serialization == 'cdr' else 0):
+    if not 0 <= extra <= (3 if is_cdr else 0):
         raise MalformedImu(
             f'{size} bytes are not a sensor_msgs/Imu message whose frame_id has {length} bytes')
     text = bytes(message[_TEXT_AT:text_end])
-    if serialization == 'cdr':
+    if is_cdr:
         text = text.removesuffix(b'\0')
-    # It is shown and saved from here on, and a publisher may send megabytes of it.
-    return ImuLayout(byte_order, text_end, doubles_at, shorten(text.decode('utf-8', 'replace')))
+    named = (_TEXT_LENGTH_AT, text_end)
+    return ImuLayout(
+        [(0, 2), named] if is_cdr else [named],
+        _imu_record(byte_order, doubles_at, size, serialization),
+        # It is shown and saved from here on, and a publisher may send megabytes of it.
+        shorten(text.decode('utf-8', 'replace')))
 
 
 def decode_imu_rows(
@@ -136,8 +141,8 @@ def decode_imu_rows(
     # In the usual case the layout of the first is that of all.
     with suppress(MalformedImu):
         layout = imu_layout(rows[0].data, serialization)
-        if rows_like_first(rows, _key_spans(layout, serialization)) is None:
-            return [_decode_run(rows, receive_ns, layout, serialization)]
+        if rows_like_first(rows, layout.keys) is None:
+            return [_decode_run(rows, receive_ns, layout)]
     # The padding after the text may hold anything, so a key ends with its text.
     keys = np.array([_key(row, serialization) for row in rows], object)
     blocks: list[ImuBlock] = []
@@ -148,7 +153,7 @@ def decode_imu_rows(
         except MalformedImu as error:
             on_malformed(stop - start, error)
             continue
-        blocks.append(_decode_run(run, receive_ns[start:stop], layout, serialization))
+        blocks.append(_decode_run(run, receive_ns[start:stop], layout))
     return blocks
 
 
@@ -181,14 +186,12 @@ def encode_imu_rows(
         text += b'\0'
     text_end = _TEXT_AT + len(text)
     doubles_at = _doubles_at(text_end, serialization)
-    layout = ImuLayout(byte_order, text_end, doubles_at, block.frame_id)
     rows = np.zeros((len(block), doubles_at + 8 * _DOUBLES), np.uint8)
     if serialization == 'cdr':
         rows[:, 1] = byte_order == '<'
-    rows[:, _TEXT_LENGTH_AT:_TEXT_AT] = np.frombuffer(
-        len(text).to_bytes(4, 'little' if byte_order == '<' else 'big'), np.uint8)
     rows[:, _TEXT_AT:text_end] = np.frombuffer(text, np.uint8)
-    fields = _fields(rows, layout, serialization)
+    fields = rows.view(_imu_record(byte_order, doubles_at, rows.shape[1], serialization))[:, 0]
+    fields['text_length'] = len(text)
     fields['sec'] = seconds
     fields['nanosec'] = block.header_ns % 1_000_000_000
     fields['orientation_w'] = 1.0
@@ -205,42 +208,30 @@ def _doubles_at(text_end: int, serialization: Serialization) -> int:
 
 
 @lru_cache(maxsize=256)
-def _record(
+def _imu_record(
     byte_order: Literal['<', '>'], doubles_at: int, size: int, serialization: Serialization,
 ) -> np.dtype[np.void]:
     """Describe one message of `size` bytes as a record of named fields."""
-    fields = {
+    places = {
         # In ROS 1, seconds are unsigned.
-        'sec': (byte_order + ('i4' if serialization == 'cdr' else 'u4'), 4),
-        'nanosec': (byte_order + 'u4', 8),
-        'orientation_w': (byte_order + 'f8', doubles_at + 8 * 3),
-        'orientation_covariance': (byte_order + 'f8', doubles_at + 8 * 4),
-        'gyro': (byte_order + '3f8', doubles_at + 8 * 13),
-        'gyro_covariance': (byte_order + 'f8', doubles_at + 8 * 16),
-        'accel': (byte_order + '3f8', doubles_at + 8 * 25),
-        'accel_covariance': (byte_order + 'f8', doubles_at + 8 * 28),
-    }
+        'sec': ('i4' if serialization == 'cdr' else 'u4', 4), 'nanosec': ('u4', 8),
+        'text_length': ('u4', _TEXT_LENGTH_AT),
+        'orientation_w': ('f8', doubles_at + 8 * 3),
+        'orientation_covariance': ('f8', doubles_at + 8 * 4),
+        'gyro': ('3f8', doubles_at + 8 * 13), 'gyro_covariance': ('f8', doubles_at + 8 * 16),
+        'accel': ('3f8', doubles_at + 8 * 25), 'accel_covariance': ('f8', doubles_at + 8 * 28)}
+    return record_of({name: (byte_order + kind, at) for name, (kind, at) in places.items()}, size)
+
+
+def record_of(fields: Mapping[str, tuple[Any, int]], size: int) -> np.dtype[np.void]:
+    """Describe `size` bytes as a record of fields, given by type and offset."""
     return np.dtype({
-        'names': list(fields),
-        'formats': [kind for kind, _ in fields.values()],
-        'offsets': [at for _, at in fields.values()],
-        'itemsize': size,
-    })
+        'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
+        'offsets': [at for _, at in fields.values()], 'itemsize': size})
 
 
-def _fields(
-    rows: NDArray[np.uint8], layout: ImuLayout, serialization: Serialization,
-) -> NDArray[np.void]:
-    """View the rows as records of named fields; shape (n,)."""
-    record = _record(layout.byte_order, layout.doubles_at, rows.shape[1], serialization)
-    return rows.view(record)[:, 0]
-
-
-def _decode_run(
-    rows: NDArray[np.uint8], receive_ns: Ints, layout: ImuLayout,
-    serialization: Serialization,
-) -> ImuBlock:
-    fields = _fields(rows, layout, serialization)
+def _decode_run(rows: NDArray[np.uint8], receive_ns: Ints, layout: ImuLayout) -> ImuBlock:
+    fields = rows.view(layout.record)[:, 0]
     samples = np.empty((6, len(rows))).T
     samples[:, :3] = fields['gyro']
     samples[:, 3:] = fields['accel']
@@ -253,18 +244,12 @@ def _decode_run(
     return ImuBlock(header_ns, np.array(receive_ns, np.int64), samples, absent, layout.frame_id)
 
 
-def _key_spans(layout: ImuLayout, serialization: Serialization) -> list[tuple[int, int]]:
-    text = (_TEXT_LENGTH_AT, layout.text_end)
-    return [(0, 2), text] if serialization == 'cdr' else [text]
-
-
 def _key(row: NDArray[np.uint8], serialization: Serialization) -> bytes:
     try:
         layout = imu_layout(row.data, serialization)
     except MalformedImu as error:
         return b'malformed ' + str(error).encode()
-    return b''.join(row[start:stop].tobytes()
-                    for start, stop in _key_spans(layout, serialization))
+    return b''.join(row[start:stop].tobytes() for start, stop in layout.keys)
 
 
 def rows_like_first(rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]]) -> Bools | None:

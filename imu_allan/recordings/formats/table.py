@@ -12,6 +12,7 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
+from imu_allan.cdr import record_of
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.columns import extract, time_of
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp
@@ -62,9 +63,7 @@ def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
         fields[name] = kind, offset
         fields |= {f'{name}[{place}]': (kind.base, offset + place * kind.base.itemsize)
                    for place in range(kind.shape[0] if kind.shape else 0)}
-    return np.dtype({'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
-                     'offsets': [offset for _, offset in fields.values()],
-                     'itemsize': layout.itemsize})
+    return record_of(fields, layout.itemsize)
 
 
 def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str, ...]:

@@ -18,7 +18,14 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from imu_allan.cdr import MalformedImu, OnMalformed, rows_like_first, Serialization
+from imu_allan.cdr import (
+    byte_order_of,
+    MalformedImu,
+    OnMalformed,
+    record_of,
+    rows_like_first,
+    Serialization,
+)
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields, split_path, Vector
 import numpy as np
@@ -77,10 +84,7 @@ class MessageLayout:
         if self._aligned:
             if size < 4:
                 raise MalformedImu(f'{size} bytes are too few for a message')
-            encapsulation = int.from_bytes(message[:2], 'big')
-            if encapsulation > 1:
-                raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
-            self.byte_order = '<' if encapsulation else '>'
+            self.byte_order = byte_order_of(message)
             self.keys.append((0, 2))
             self._at = 4
         self._visit(type_name, '', 0)
@@ -253,9 +257,7 @@ class RecordLayouts:
                 fields[joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
         frame = None if frame_id is None else parsed.places[frame_id]
-        return RecordLayout(tuple(parsed.keys), np.dtype({
-            'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
-            'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
+        return RecordLayout(tuple(parsed.keys), record_of(fields, size), frame)
 
 
 def _key(message: memoryview, layout: RecordLayout) -> bytes:
