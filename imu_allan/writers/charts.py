@@ -7,7 +7,7 @@ The three axes share a panel. The expected band, the terms and their names are s
 at a time: the worst one, until the reader chooses another.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from imu_allan.arrays import Array
@@ -18,7 +18,7 @@ from imu_allan.tuning.backtest import bands_of
 from imu_allan.tuning.tune import FilterTuning
 from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
 from imu_allan.writers import curves
-from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
+from imu_allan.writers.svg import Box, Drawing, Panel, SHAPES
 import numpy as np
 
 
@@ -49,8 +49,11 @@ class Chart:
     focus: str = ''
 
 
-def both(name: str, label: str, height: float, narrow_height: float,
-         draw: Callable[[Drawing, bool], None]) -> str:
+Draw = Callable[[Drawing, bool], None]
+"""What draws a chart, for a phone if the second argument is true."""
+
+
+def both(name: str, label: str, height: float, narrow_height: float, draw: Draw) -> str:
     """Draw once for desktop and print, and once for phones; return both as SVG."""
     drawings = []
     for size, width, tall in (('at-desk', 1080.0, height), ('on-phone', 380.0, narrow_height)):
@@ -61,13 +64,18 @@ def both(name: str, label: str, height: float, narrow_height: float,
 
 
 def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
-                 heights: tuple[float, float], draw: Callable[[Drawing, bool], None],
-                 axes: Mapping[str, AxisResult], focus: str = '') -> Chart:
+                 heights: tuple[float, float], draw: Draw, axes: Mapping[str, AxisResult],
+                 focus: str = '') -> Chart:
     """Return a chart of the axes of a sensor."""
     name = f'{sensor}-{kind}'
     return Chart(name, f'{SENSORS[sensor]}: {title}', caption,
-                 both(name, f'{SENSORS[sensor]}: {label}', *heights, draw), tuple(
-                     (axis[-1], f'axis-{axis[-1]}', f'{axis[-1]} axis') for axis in axes), focus)
+                 both(name, f'{SENSORS[sensor]}: {label}', *heights, draw),
+                 tuple((*of(axis), f'{axis[-1]} axis') for axis in axes), focus)
+
+
+def of(name: str, before: str = '') -> tuple[str, str]:
+    """Return name and class of the group of an axis, which is shown and hidden together."""
+    return name[-1], f'{before}axis-{name[-1]}'
 
 
 def box_of(drawing: Drawing, narrow: bool) -> Box:
@@ -76,9 +84,20 @@ def box_of(drawing: Drawing, narrow: bool) -> Box:
             drawing.height - 46)
 
 
-def shape_of(letter: str) -> str:
+def log_panel(drawing: Drawing, narrow: bool, ends: tuple[float, float],
+              limits: tuple[float, float], unit: str, x_title: str, y_title: str, power: int = 1
+              ) -> Panel:
+    """Return a panel with units of datasheets on the left and, if it is wide, SI on the right."""
+    factor, shown = engineering(1.0, unit)
+    left, right = (f'[{typeset(one)}]' if power == 1 else f'[({typeset(one)})²/Hz]'
+                   for one in (shown, unit))
+    return drawing.panel(box_of(drawing, narrow), (*ends, True), (*limits, True),
+                         (x_title, f'{y_title} {left}', '' if narrow else right), factor**power)
+
+
+def shape_of(name: str) -> str:
     """Return the marker shape of an axis."""
-    return SHAPES['xyz'.index(letter)]
+    return SHAPES['xyz'.index(name[-1])]
 
 
 def worst_axis(axes: Mapping[str, AxisResult]) -> str:
@@ -97,25 +116,29 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
     if not known:
         return None
-    factor, shown = engineering(1.0, next(iter(known.values())).unit)
     limits = curves.limits_of(known.values(), rings=True)
     models = {name: curves.model_curve(axis, timeline) for name, axis in known.items()}
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _framed(drawing, narrow, sensor, known.values(), limits, 1.9)
-        inside = [_of(name, [*_expected(panel, axis, models[name], factor),
-                             panel.line(models[name].tau, models[name].bound * factor, 'bound')],
-                      'detail ') for name, axis in known.items()]
-        inside += [_of(name, _curve(panel, axis, models[name], (factor, shown),
-                                    f'{name[-1]} axis', shape_of(name[-1])))
-                   for name, axis in known.items()]
-        # Avoid the curves of all axes: a label of one could hide the curve of another.
-        avoid = np.vstack([panel.pixels(x, np.asarray(y) * factor) for name, axis in known.items()
-                           for x, y in ((axis.curve.tau_s, axis.curve.adev), models[name][:2])])
-        inside += [group(name[-1], 'detail', _term_labels(panel, axis, factor, avoid,
-                                                          brief=narrow))
-                   for name, axis in known.items()]
-        drawing.add(panel, inside)
+        panel = _allan_panel(drawing, narrow, sensor, known.values(), limits, 1.9)
+        with panel.framed():
+            for name, axis in known.items():
+                model = models[name]
+                with panel.group(*of(name, 'detail ')):
+                    if (model.adev > 0).any():
+                        panel.band('expected', model.tau,
+                                   *curves.expected_band(axis, model.tau, model.adev))
+                    panel.line('bound', model.tau, model.bound)
+            for name, axis in known.items():
+                with panel.group(*of(name)):
+                    _draw_curve(panel, axis, models[name], f'{name[-1]} axis', shape_of(name))
+            # Avoid the curves of all axes: a label of one could hide the curve of another.
+            avoid = np.vstack([np.column_stack([panel.x(x), panel.y(y)])
+                               for name, axis in known.items() for x, y in (
+                                   (axis.curve.tau_s, axis.curve.adev), models[name][:2])])
+            for name, axis in known.items():
+                with panel.group(name[-1], 'detail'):
+                    _label_terms(panel, axis, avoid, brief=narrow)
 
     caption = ('Points: measured, hollow where few averages stand behind one. Line: reported. '
                'Of the axis chosen: 95 % of the points should fall into the shade, unless the '
@@ -128,74 +151,50 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                         known, worst_axis(known))
 
 
-def _of(name: str, parts: Iterable[str], before: str = '') -> str:
-    """Return a group of parts of one axis, which are shown and hidden together."""
-    return group(name[-1], f'{before}axis-{name[-1]}', parts)
-
-
-def _framed(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisResult],
-            limits: tuple[float, float], beyond: float) -> Panel:
-    """Return the panel for curves within `limits` (SI); extend the time axis by `beyond`."""
-    unit = next(iter(axes)).unit
-    factor, shown = engineering(1.0, unit)
+def _allan_panel(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisResult],
+                 limits: tuple[float, float], beyond: float) -> Panel:
+    """Return the panel for curves within `limits`; extend the time axis by `beyond`."""
     ends = (min(axis.curve.tau_s[0] for axis in axes) / 1.5,
             max(axis.curve.tau_s[-1] for axis in axes) * beyond)
-    panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                          (limits[0] * factor, limits[1] * factor, True))
-    panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
-                f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
-    return panel
+    return log_panel(drawing, narrow, ends, limits, next(iter(axes)).unit,
+                     'averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]}')
 
 
-def _expected(panel: Panel, axis: AxisResult, model: curves.ModelCurve, factor: float
-              ) -> list[str]:
-    """Return the band in which 95 % of the points should fall."""
-    if not (model.adev > 0).any():
-        return []
-    low, high = curves.expected_band(axis, model.tau, model.adev)
-    return [panel.band(model.tau, low * factor, high * factor, 'expected')]
+def _draw_curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, label: str, shape: str
+                ) -> None:
+    """Draw the line of the model, and the points above zero with their tooltips."""
+    panel.line('curve model', model.tau, model.adev)
+    factor, unit = engineering(1.0, axis.unit)
+    curve = axis.curve
+    points = [row for row in zip(curve.tau_s, curve.adev, curve.ci95, curves.few_degrees(axis),
+                                 strict=True) if row[1] > 0]
+    titles = []
+    for tau, adev, ends, _ in points:
+        value, *bounds = measured(*(v * factor for v in (adev, *ends)))
+        titles.append(f'{label}, τ = {tau:.4g} s: {value} {typeset(unit)}, '
+                      f'95 % {" – ".join(bounds)}')
+    x, y, _, hollow = zip(*points, strict=True)
+    panel.points(x, y, shape, titles, hollow)
 
 
-def _curve(panel: Panel, axis: AxisResult, model: curves.ModelCurve, unit: tuple[float, str],
-           label: str, shape: str) -> list[str]:
-    """Return the line of the model, and the points above zero with their tooltips."""
-    factor, shown = unit
-    x, y, titles, hollow = [], [], [], []
-    for tau, adev, band, few in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95,
-                                    curves.few_degrees(axis), strict=True):
-        if adev > 0:
-            value, *bounds = measured(*(v * factor for v in (adev, *band)))
-            x.append(tau)
-            y.append(adev * factor)
-            titles.append(f'{label}, τ = {tau:.4g} s: {value} {typeset(shown)}, '
-                          f'95 % {" – ".join(bounds)}')
-            hollow.append(few)
-    return [panel.line(model.tau, model.adev * factor, 'curve model'),
-            panel.points(x, y, shape, titles, hollow)]
-
-
-def _term_labels(panel: Panel, axis: AxisResult, factor: float, avoid: Array, *,
-                 brief: bool) -> list[str]:
-    """Return the lines of terms and processes, with reading points as rings, and values."""
-    parts: list[str] = []
+def _label_terms(panel: Panel, axis: AxisResult, avoid: Array, *, brief: bool) -> None:
+    """Draw the lines of terms and processes, with reading points as rings, and values."""
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
     values = {key: value for key, value in curves.coefficients_of(axis).items() if value}
     for key, value in values.items():
-        parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
+        panel.line('term', tau, TERMS[key].adev(value, tau))
     for key, value in values.items():
         term = TERMS[key]
         at = curves.reading_point(term, axis, tau)
-        name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
         lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}',
-                 name, *([] if term.read_at else [f'line at {FLICKER_FLOOR:.3f} B'])]
-        height = float(term.adev(value, at)) * factor
-        parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
+                 term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x']),
+                 *([] if term.read_at else [f'line at {FLICKER_FLOOR:.3f} B'])]
+        panel.label(at, float(term.adev(value, at)), lines[:1] if brief else lines, avoid, taken)
     for line, place, words in curves.other_noise(axis, tau):
-        parts.append(panel.line(tau, line * factor, 'term'))
-        parts.append(panel.label(tau[place], line[place] * factor, words[:1] if brief else words,
-                                 avoid, 'name', taken, ring=False))
-    return parts
+        panel.line('term', tau, line)
+        panel.label(tau[place], line[place], words[:1] if brief else words, avoid, taken,
+                    ring=False)
 
 
 def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
@@ -205,23 +204,21 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
              if axis in result.axes and any(result.axes[axis].curve.adev)}
     if not known:
         return None
-    factor, shown = engineering(1.0, AXES[axis].unit)
     found = [item for _, item, _ in known.values()]
-    limits = curves.limits_of(found)
     kinds = {place: f'result-{int(place) % 7}' for place in known}
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _framed(drawing, narrow, axis.partition('_')[0], found, limits, 1.6)
-        inside = []
-        for place, (name, item, timeline) in known.items():
-            seen = np.array(item.curve.adev) > 0
-            low, high = np.array(item.curve.ci95)[seen].T * factor
-            inside.append(group(place, f'detail {kinds[place]}', [
-                panel.band(np.array(item.curve.tau_s)[seen], low, high, 'expected')]))
-            inside.append(group(place, kinds[place], _curve(
-                panel, item, curves.model_curve(item, timeline), (factor, shown), name,
-                SHAPES[int(place) % len(SHAPES)])))
-        drawing.add(panel, inside)
+        panel = _allan_panel(drawing, narrow, axis.partition('_')[0], found,
+                             curves.limits_of(found), 1.6)
+        with panel.framed():
+            for place, (name, item, timeline) in known.items():
+                seen = np.array(item.curve.adev) > 0
+                with panel.group(place, f'detail {kinds[place]}'):
+                    panel.band('expected', np.array(item.curve.tau_s)[seen],
+                               *np.array(item.curve.ci95)[seen].T)
+                with panel.group(place, kinds[place]):
+                    _draw_curve(panel, item, curves.model_curve(item, timeline), name,
+                                SHAPES[int(place) % len(SHAPES)])
 
     return Chart(axis, spoken(axis), '',
                  both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, 340, draw),
@@ -235,14 +232,16 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
              if not axis.constant and len(curves.over_time(axis.signal)[0])}
     if not known:
         return None
-    moved = {name: curves.mean_over_time(axis) for name, axis in known.items()}
     unit = next(iter(known.values())).unit
     shown = MEAN_UNITS[unit]
     factor = convert(1.0, unit, shown)
+    moved = {name: (time, mean * factor) for name, axis in known.items()
+             for time, mean in [curves.mean_over_time(axis)]}
+    means = np.concatenate([mean for _, mean in moved.values()])
     length = max(result.timeline.duration_s, 1e-9)
     scale, units = curves.time_unit(length)
     warm = len(curves.over_time(result.temperature)[0]) > 0
-    strips = [(name[-1], f'axis-{name[-1]}', axis.signal, factor) for name, axis in known.items()]
+    strips = [(*of(name), axis.signal, factor) for name, axis in known.items()]
     if warm:
         strips.append(('°C', 'warmth', result.temperature, 1.0))
 
@@ -250,44 +249,46 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         left, top, right, _ = box_of(drawing, narrow)
         strip = 52.0
         split = drawing.height - 46 - strip * len(strips) - 26
-        values = np.concatenate([mean for _, mean in moved.values()]) * factor
-        main = drawing.panel((left, top, right, split), (0, length / scale, False),
-                             padded(float(np.nanmin(values)), float(np.nanmax(values))))
-        _shade(main, result.timeline, scale, known)
-        main.frame('', f'mean of each segment less the mean of all [{typeset(shown)}]',
-                   x_labels=False, most_y=6)
-        lines, marks = [], []
-        for place, name in enumerate(known):
-            time, mean = moved[name]
-            at = curves.marker_indices(mean, place)
-            lines.append(_of(name, [main.line(time / scale, mean * factor, 'curve')]))
-            # Markers distinguish the axes in greyscale print.
-            marks.append(_of(name, [main.points(
-                time[at] / scale, mean[at] * factor, shape_of(name[-1]),
-                [f'{name[-1]} axis, after {duration(time[i])}: {number(mean[i] * factor, 3)}'
-                 for i in at])]))
-        # Draw the marks above all lines.
-        drawing.add(main, [*lines, *marks])
+
+        def panel_from(top: float, bottom: float, values: Array, x_title: str, y_title: str
+                       ) -> Panel:
+            panel = drawing.panel(
+                (left, top, right, bottom), (0, length / scale, False),
+                padded(float(np.nanmin(values)), float(np.nanmax(values))), (x_title, y_title, ''))
+            _shade(panel, result.timeline, scale, known)
+            return panel
+
+        main = panel_from(top, split, means, '',
+                          f'mean of each segment less the mean of all [{typeset(shown)}]')
+        with main.framed(x_labels=False, most_y=6):
+            for name, (time, mean) in moved.items():
+                with main.group(*of(name)):
+                    main.line('curve', time / scale, mean)
+            # Markers, above all lines, distinguish the axes in greyscale print.
+            for place, (name, (time, mean)) in enumerate(moved.items()):
+                at = curves.marker_indices(mean, place)
+                with main.group(*of(name)):
+                    main.points(time[at] / scale, mean[at], shape_of(name), [
+                        f'{name[-1]} axis, after {duration(time[i])}: {number(mean[i], 3)}'
+                        for i in at])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
-        for place, (tag, kind, signal, times) in enumerate(strips):
-            y0 = split + 26 + place * strip
+        for place, (tag, kind, signal, times) in enumerate(strips, 1):
+            y0 = split + 26 + (place - 1) * strip
             time, rows = curves.over_time(signal)
             low, _, high = rows * times
-            ends = float(np.nanmin(low)), float(np.nanmax(high))
-            part = drawing.panel((left, y0 + 2, right, y0 + strip - 12),
-                                 (0, length / scale, False), padded(*ends))
-            _shade(part, result.timeline, scale, known)
-            last = place == len(strips) - 1
-            part.frame(f'time [{units}]' if last else '', '', x_labels=last, most_y=3)
-            shape = part.line(time / scale, (low + high) / 2, 'curve') if kind == 'warmth' else \
-                part.band(time / scale, low, high, 'extent')
-            drawing.add(part, [group(tag, kind, [shape])])
-            if kind == 'warmth':
-                drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
-            else:
-                # Place it beside the band, as it would hardly be visible on the same colour.
-                drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
+            last = place == len(strips)
+            part = panel_from(y0 + 2, y0 + strip - 12, np.concatenate([low, high]),
+                              f'time [{units}]' if last else '', '')
+            with part.framed(x_labels=last, most_y=3), part.group(tag, kind):
+                if kind == 'warmth':
+                    part.line('curve', time / scale, (low + high) / 2)
+                else:
+                    part.band('extent', time / scale, low, high)
+            # Place the tag beside a band, as it would hardly be visible on the same colour.
+            x, down, anchor = ((right - 4, 14.0, 'end') if kind == 'warmth' else
+                               (right + 4, strip / 2 - 1, 'start'))
+            drawing.text(x, y0 + down, tag, f'tag {kind}', anchor)
 
     text = ('Mean and extremes of equal segments of the recording. A drift, a warm-up or a knock '
             'shows here before any fit.')
@@ -307,13 +308,12 @@ def _shade(panel: Panel, timeline: Timeline, scale: float, axes: Mapping[str, Ax
                               (timeline.gaps, 'gap', 'gap')):
         # With more, each would be narrower than three of 1080 units and only enlarge the page.
         for span in spans[:400]:
-            panel.parts.append(panel.span(
-                span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
-                f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on'))
+            panel.span(span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
+                       f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on')
     steady = next((axis.stationarity for axis in axes.values()
                    if axis.stationarity is not None), None)
     for segment in steady.segments[1:] if steady else ():
-        panel.parts.append(panel.vertical(segment.start_s / scale, 'segment', 'next segment'))
+        panel.vertical(segment.start_s / scale, 'segment', 'next segment')
 
 
 def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
@@ -325,38 +325,34 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)
-    low, high = curves.density_limits(known.values(), timeline)
+    limits = curves.density_limits(known.values(), timeline)
     lowest = min(1 / timeline.duration_s, rate / 4)
     frequency = np.geomspace(lowest, rate / 2, 160)
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = drawing.panel(box_of(drawing, narrow), (lowest / 1.2, rate / 2 * 1.2, True),
-                              (low * factor**2, high * factor**2, True))
+        panel = log_panel(drawing, narrow, (lowest / 1.2, rate / 2 * 1.2), limits, unit,
+                          'frequency [Hz]', 'power spectral density, two-sided', 2)
         for name, axis in known.items():
             if axis.band_edge_hz is not None:
-                panel.parts.append(group(name[-1], 'detail', [panel.span(
-                    axis.band_edge_hz, rate / 2, 'beyond-band',
-                    f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')]))
+                with panel.group(name[-1], 'detail'):
+                    panel.span(axis.band_edge_hz, rate / 2, 'beyond-band',
+                               f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')
             # Only the strongest, since more labels would overlap.
             for tone in axis.tones[:12]:
-                amount = number(tone.amplitude * factor, 3)
-                panel.parts.append(group(name[-1], 'detail', [panel.vertical(
-                    tone.frequency_hz, 'tone',
-                    f'{name[-1]} axis: line at {tone.frequency_hz:.4g} Hz, {amount} '
-                    f'{typeset(shown)}, left out of the fit')]))
-        panel.frame('frequency [Hz]',
-                    f'power spectral density, two-sided [({typeset(shown)})²/Hz]',
-                    None if narrow else (factor**-2, f'[({typeset(unit)})²/Hz]'))
-        inside = []
-        for name, axis in known.items():
-            if axis.spectrum is not None:
-                at, power = curves.in_bands(axis.spectrum)
-                inside.append(_of(name, [panel.line(at, power * factor**2, 'measured')]))
-        for name, axis in known.items():
-            model = curves.model_density(axis, frequency, rate) * factor**2
-            inside.append(_of(name, [panel.line(
-                frequency, np.where(model > 0, model, np.nan), 'curve model')]))
-        drawing.add(panel, inside)
+                with panel.group(name[-1], 'detail'):
+                    panel.vertical(tone.frequency_hz, 'tone',
+                                   f'{name[-1]} axis: line at {tone.frequency_hz:.4g} Hz, '
+                                   f'{number(tone.amplitude * factor, 3)} {typeset(shown)}, '
+                                   'left out of the fit')
+        with panel.framed():
+            for name, axis in known.items():
+                if axis.spectrum is not None:
+                    with panel.group(*of(name)):
+                        panel.line('measured', *curves.in_bands(axis.spectrum))
+            for name, axis in known.items():
+                model = curves.model_density(axis, frequency, rate)
+                with panel.group(*of(name)):
+                    panel.line('curve model', frequency, np.where(model > 0, model, np.nan))
 
     shaded = any(axis.band_edge_hz is not None for axis in known.values())
     return sensor_chart(
@@ -383,37 +379,31 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                                [one.horizon_s for one in met]])
     values = np.concatenate([*(line[1] for line in expected.values()),
                              [one.observed_rms for one in met],
-                             [end for axis in known.values() for band in bands_of(axis)
-                              for end in band]])
+                             *(band for axis in known.values() for band in bands_of(axis))])
     values = values[values > 0]
     if not len(values):
         return None
-    low, high = float(values.min()) * factor, float(values.max()) * factor
     ends = float(horizons.min()) / 1.4, float(horizons.max()) * 1.4
+    limits = float(values.min()) / 1.7, float(values.max()) * 1.7
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                              (low / 1.7, high * 1.7, True))
-        panel.frame('unaided time [s]', f'error of the mean {SAMPLES[sensor]} over it '
-                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
-        inside = []
-        for name, axis in known.items():
-            parts, coast = [], coasts[name]
-            if name in expected:
-                parts.append(panel.line(expected[name][0], expected[name][1] * factor,
-                                        'curve model'))
-            if coast:
+        panel = log_panel(drawing, narrow, ends, limits, unit, 'unaided time [s]',
+                          f'error of the mean {SAMPLES[sensor]} over it')
+        with panel.framed():
+            for name, axis in known.items():
+                coast = coasts[name]
                 times = [c.horizon_s for c in coast]
-                least, most = np.array(bands_of(axis)).T * factor
-                inside.append(_of(name, [panel.band(times, least, most, 'expected')], 'detail '))
-                parts.append(panel.points(
-                    times, [c.observed_rms * factor for c in coast], shape_of(name[-1]), [
+                if coast:
+                    with panel.group(*of(name, 'detail ')):
+                        panel.band('expected', times, *np.array(bands_of(axis)).T)
+                with panel.group(*of(name)):
+                    if name in expected:
+                        panel.line('curve model', *expected[name][:2])
+                    panel.points(times, [c.observed_rms for c in coast], shape_of(name), [
                         f'{name[-1]} axis, after {duration(c.horizon_s)}: predicted '
                         f'{number(c.predicted_sigma * factor, 3)}, observed '
                         f'{number(c.observed_rms * factor, 3)} {typeset(shown)}'
-                        for c in coast]))
-            inside.append(_of(name, parts))
-        drawing.add(panel, inside)
+                        for c in coast])
 
     tested = any(axis.backtest is not None for axis in known.values())
     return sensor_chart(
