@@ -7,17 +7,16 @@ Units are spelled as in model and datasheet files, so that values can be copied 
 from a recording never reaches the terminal as markup or control sequences.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from io import StringIO
-from itertools import product
+from itertools import product, zip_longest
 from typing import TextIO, TYPE_CHECKING
 
 from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
-from imu_allan.result import AxisResult, Coefficient, Result
+from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.writers import answer
 from imu_allan.writers.curves import axes_of, reported
@@ -64,9 +63,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     tuned = [list(wrapped(answer.filter_lines(result, found, width, measured=measured), width))
              for measured in (True, False)]
     heading = _heading(result, width)
-    rows = [list(_rows(axes_of(result, figures.sensor), units, result.timeline.rest_s,
-                       verbose=verbose)) for figures in found]
-    tables = _tables(found, rows, width, tuned=units != 'si', named=verbose)
+    tables = _tables(result, found, width, units, verbose=verbose)
     notes = list(wrapped(_notes(result), width, 'dim')) if verbose else []
     said = [line for severity, text in in_full(full, together=not verbose)
             for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
@@ -102,131 +99,85 @@ def _heading(result: Result, width: int) -> 'list[Text]':
                key=len)
 
 
-@dataclass(frozen=True)
-class _Cell:
-    """The cell of an axis and a term: the value, and the interval as shown beside it."""
-
-    value: str
-    interval: str = ''
-
-    def text(self, *, tall: bool) -> 'Text':
-        """Return the cell on one line or, if `tall`, with the interval below the value."""
-        from rich.text import Text
-
-        style = 'bold' if self.interval else 'dim'
-        beside = (self.interval if tall or '%' in self.interval or not self.interval else
-                  f'({self.interval.replace(" .. ", "..")})')
-        return Text.assemble((self.value, style), *(
-            ['\n' if tall else ' ', (beside, 'dim')] if beside else []))
-
-
-@dataclass(frozen=True)
-class _Row:
-    """One row of the table: a term or the mean, with a cell per axis."""
-
-    symbol: str
-    name: str
-    unit: str
-    cells: Mapping[str, _Cell]
-    scale: float
-    dim: bool
-
-
-def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verbose: bool
-          ) -> Iterator[_Row]:
-    quantity, empty = AXES[next(iter(axes))], True
-    for term in TERMS.values():
-        cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
-        if all(c.value is None and c.upper95 is None for c in cells.values()):
-            continue
-        shown = any(cell.observable for cell in cells.values())
-        if not (shown or verbose or term.key in LASTING_TERMS):
-            continue
-        unit = term.unit(quantity)
-        scale, shown_unit = (1.0, unit) if units == 'si' else engineering(1.0, unit)
-        empty = False
-        yield _Row(term.symbol, term.name(quantity), shown_unit,
-                   {name: _cell(cell, si=units == 'si', in_full=verbose)
-                    for name, cell in cells.items()},
-                   scale, not shown)
-    if (verbose or empty) and any(axis.mean is not None for axis in axes.values()):
-        unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
-        yield _Row('mean', '', unit, {
-            name: _Cell('' if axis.mean is None else
-                        answer.written_mean(axis, axis.mean, recorded, unit)[0])
-            for name, axis in axes.items()}, 1.0, dim=True)
-
-
-def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
-    value, *ends = reported(coefficient, si=si) or ('-',)
-    if not ends or coefficient.ci95 is None:
-        return _Cell(value)
-    half = (coefficient.ci95[1] - coefficient.ci95[0]) / 2 / abs(coefficient.value or 1.0)
-    # An interval of up to a tenth of the value is given as a percentage.
-    return _Cell(value, ' .. '.join(ends) if in_full or half > 0.1 else f'+-{100 * half:.2g} %')
-
-
-def _tables(found: Sequence[answer.KeyFigures], rows: Sequence[Sequence[_Row]], width: int, *,
-            tuned: bool, named: bool) -> 'list[list[Text]]':
+def _tables(result: Result, found: Sequence[answer.KeyFigures], width: int, units: Units, *,
+            verbose: bool) -> 'list[list[Text]]':
     """Arrange the axes side by side in the widest layout that fits, or else the last."""
-    for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
-                   _Layout(named=True, tall=True)):
-        if named and not layout.named:
+    # Whether with term names, a filter column, and intervals on separate lines.
+    for named, tuned, tall in ((True, True, False), (False, True, False), (False, False, False),
+                               (True, False, True)):
+        if verbose and not named:
             continue
-        tables = [_columns(figures, own, layout) if own else []
-                  for figures, own in zip(found, rows, strict=True)]
+        tables = [_lines(_cells(result, figures, units, verbose=verbose, named=named, tall=tall,
+                                tuned=tuned and units != 'si')) for figures in found]
         if all(len(line) <= width for table in tables for line in table):
             break
     return tables
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Whether there are term names, a filter column, and intervals on separate lines."""
-
-    named: bool = False
-    tuned: bool = False
-    tall: bool = False
-
-    def head(self, row: _Row) -> str:
-        """Return the label of a term."""
-        if not self.named or not row.name:
-            return f'{row.symbol} {row.unit}'
-        return f'{row.symbol} {row.name}' + ('\n  ' if self.tall else '  ') + row.unit
-
-
-def _columns(figures: answer.KeyFigures, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
+def _cells(result: Result, figures: answer.KeyFigures, units: Units, *, verbose: bool,
+           named: bool, tuned: bool, tall: bool) -> 'list[list[Text]]':
+    """Return the table of a sensor: a row per term, with its name and a cell per axis."""
     from rich.text import Text
 
-    columns = [[Text(figures.title, 'bold'), *(Text(layout.head(row), 'dim' if row.dim else '')
-                                               for row in rows)]]
-    columns += [[Text(name[-1], 'bold'),
-                 *(row.cells[name].text(tall=layout.tall) for row in rows)]
-                for name in rows[0].cells]
-    if layout.tuned and figures.tunings:
-        tunings = figures.tunings.values()
-        filters = {'N': max(tuning.noise_density for tuning in tunings),
-                   'K': max(tuning.random_walk or 0.0 for tuning in tunings)}
-        columns.append([Text('filter', 'bold'), *(
-            Text(wording.number(float(f'{row.scale * filters[row.symbol]:.3g}'))
-                 if row.symbol in filters else '') for row in rows)])
-    lines = [Text() for _ in range(sum(_height(cells) for cells in zip(*columns, strict=True)))]
-    for place, column in enumerate(columns):
-        parts = [part for cell, height in zip(
-            column, map(_height, zip(*columns, strict=True)), strict=True)
-            for part in [*cell.split('\n'), *[Text()] * height][:height]]
-        across = max(map(len, parts)) + (2 if place else 0)
-        for line, part in zip(lines, parts, strict=True):
-            cut = part.copy()
-            cut.align('right' if place else 'left', across)
-            line.append_text(cut)
-    for line in lines:
-        line.rstrip()
+    axes, tunings = axes_of(result, figures.sensor), figures.tunings.values()
+    quantity, si, rows = AXES[next(iter(axes))], units == 'si', []
+    filters = {'N': max(tuning.noise_density for tuning in tunings),
+               'K': max(tuning.random_walk or 0.0 for tuning in tunings)
+               } if tuned and tunings else {}
+    for term in TERMS.values():
+        cells = [axis.coefficients[term.key] for axis in axes.values()]
+        seen = any(cell.observable for cell in cells)
+        if (all(cell.value is None and cell.upper95 is None for cell in cells)
+                or not (seen or verbose or term.key in LASTING_TERMS)):
+            continue
+        unit = term.unit(quantity)
+        scale, shown = (1.0, unit) if si else engineering(1.0, unit)
+        name = f' {term.name(quantity)}' + ('\n  ' if tall else '  ') if named else ' '
+        rows.append([Text(f'{term.symbol}{name}{shown}', '' if seen else 'dim'),
+                     *(_cell(cell, si=si, in_full=verbose, tall=tall) for cell in cells),
+                     Text(wording.number(float(f'{scale * filters[term.symbol]:.3g}'))
+                          if term.symbol in filters else '')])
+    if (verbose or not rows) and any(axis.mean is not None for axis in axes.values()):
+        unit = quantity.unit if si else MEAN_UNITS[quantity.unit]
+        rows.append([Text(f'mean {unit}', 'dim'), *(
+            Text.assemble(('' if axis.mean is None else answer.written_mean(
+                axis, axis.mean, result.timeline.rest_s, unit)[0], 'dim'))
+            for axis in axes.values()), Text()])
+    heading = [figures.title, *(name[-1] for name in axes), 'filter' if filters else '']
+    return [[Text(word, 'bold') for word in heading], *rows] if rows else []
+
+
+def _cell(coefficient: Coefficient, *, si: bool, in_full: bool, tall: bool) -> 'Text':
+    """Return the value of an axis, with the interval beside it or, if `tall`, below it."""
+    from rich.text import Text
+
+    value, *ends = reported(coefficient, si=si) or ('-',)
+    if not ends or coefficient.ci95 is None:
+        return Text.assemble((value, 'dim'))
+    half = (coefficient.ci95[1] - coefficient.ci95[0]) / 2 / abs(coefficient.value or 1.0)
+    # An interval of up to a tenth of the value is given as a percentage.
+    interval = (f'+-{100 * half:.2g} %' if half <= 0.1 and not in_full else
+                ' .. '.join(ends) if tall else f'({"..".join(ends)})')
+    return Text.assemble((value, 'bold'), '\n' if tall else ' ', (interval, 'dim'))
+
+
+def _lines(cells: 'Sequence[Sequence[Text]]') -> 'list[Text]':
+    """Return the lines of a table, all columns but the first aligned at the right."""
+    from rich.text import Text
+
+    widths = [max(len(part) for cell in column for part in cell.split('\n'))
+              for column in zip(*cells, strict=True)]
+    lines = []
+    for row in cells:
+        for parts in zip_longest(*(cell.split('\n') for cell in row)):
+            line = Text()
+            for place, (part, across) in enumerate(zip(parts, widths, strict=True)):
+                cell = part or Text()
+                cell.align('right' if place else 'left', across + (2 if place and across else 0))
+                line.append_text(cell)
+            line.rstrip()
+            lines.append(line)
     return lines
-
-
-def _height(cells: 'Iterable[Text]') -> int:
-    return max(cell.plain.count('\n') + 1 for cell in cells)
 
 
 def _notes(result: Result) -> list[str]:
