@@ -98,10 +98,10 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     of flicker; and ``corner``, in Hz, of a filter that removes the bias.
     """
     models = posterior.models
-    weight = np.concatenate([model.weight * model.share for model in models])
-    x = np.concatenate([model.x for model in models])
+    weight = np.concatenate([model.weight * model.draws.share for model in models])
+    x = np.concatenate([model.draws.x for model in models])
     has = np.repeat(np.concatenate([model.row.has for model in models]),
-                    [len(model.share) for model in models], axis=0)
+                    [len(model.draws.share) for model in models], axis=0)
     size = _free_amplitudes(posterior, x, has)
     amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
     # Output noise, added after a filter, is part of the level in its pass band.
@@ -224,12 +224,9 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     The ramp is the first, the trends of the model are the last.
     """
     # The 32 draws of the largest weight are enough.
-    most = np.argsort(-model.share, kind='stable')[:32]
-    rows = model.row.take(np.zeros(len(most), np.int64))
-    _, _, size, covariance = fitted_mean(model.spectra, rows, model.x[most])
-    error = np.sqrt(np.maximum(np.einsum('mrii->mri', covariance), 0.0))
-    share = model.share[most]
-    return size[:, 0], error[:, 0], share / share.sum()
+    most = np.argsort(-model.draws.share, kind='stable')[:32]
+    share = model.draws.share[most]
+    return model.draws.size[most], model.draws.error[most], share / share.sum()
 
 
 def ramp_of(posterior: Posterior) -> Estimate:

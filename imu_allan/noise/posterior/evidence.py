@@ -183,15 +183,11 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> Bools:
 
 def distinct(rows: Rows) -> Rows:
     """Keep the best of the rows that converged to the same point; sort by evidence."""
-    order = np.argsort(-rows.evidence)
-    reach = _reach(rows.hessian)
+    kind, reach = _kinds(rows).tolist(), _reach(rows.hessian)
     kept: list[int] = []
-    for i in order.tolist():
-        here = rows.has[i]
-        if not any(rows.family[i] == rows.family[k] and rows.edge[i] == rows.edge[k]
-                   and rows.of[i] == rows.of[k] and (here == rows.has[k]).all()
-                   and (np.abs(rows.x[i] - rows.x[k]) < reach[k])[here].all()
-                   for k in kept):
+    for i in np.argsort(-rows.evidence).tolist():
+        if not any(kind[i] == kind[k] and ((np.abs(rows.x[i] - rows.x[k]) < reach[k])
+                                           | ~rows.has[i]).all() for k in kept):
             kept.append(i)
     return rows.take(np.array(kept))
 
@@ -208,12 +204,16 @@ class Draws:
         Weights, which add up to 1.
     evidence : float
         Logarithm of the evidence of the model.
+    size, error : ndarray, shape (draws, regressors)
+        Sizes and standard errors of the regressors of the mean.
 
     """
 
     x: Array
     share: Array
     evidence: float
+    size: Array
+    error: Array
 
 
 def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
@@ -236,17 +236,18 @@ def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
             - d * np.log(wider) + spread[number]
             - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * scale**2 / _TAILS))
-    log_w = -log_t - losses_alone(spectra, many, many.x)
+    loss, *of_mean = losses_alone(spectra, many, many.x)
     drawn = []
-    for number, (x, each) in enumerate(zip(
-            np.split(many.x, ends[:-1]), np.split(log_w, ends[:-1]), strict=True)):
+    for number, (x, each, size, error) in enumerate(zip(*(
+            np.split(array, ends[:-1]) for array in (many.x, -log_t - loss, *of_mean)),
+            strict=True)):
         top = float(each.max())
         weight = np.exp(each - top)
         share = weight / weight.sum()
         evidence = float(rows.prior[number]) + top + float(np.log(weight.mean()))
         if 1 / float(share @ share) < _FEWEST_DRAWS:
             share, evidence = _tempered(each - top), float(rows.evidence[number])
-        drawn.append(Draws(x, share, evidence))
+        drawn.append(Draws(x, share, evidence, size, error))
     return drawn
 
 

@@ -117,6 +117,12 @@ class Spectra:
     tables: Tables
     unexplained: Array
 
+    @property
+    def regressors(self) -> int:
+        """Return the number of regressors of a record."""
+        # The products are r of regressors with the coefficients and r^2 among each other.
+        return int(np.sqrt(self.products.shape[1] // self.records))
+
     def select(self, of: Ints) -> 'Spectra':
         """Return a selection of the spectra."""
         each = {key: getattr(self, key)[of] for key in (
@@ -327,18 +333,26 @@ def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, A
     return lam, weight, size, covariance
 
 
-def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
-    """Return the negative log posterior of rows, without derivatives."""
+def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
+    """
+    Return the negative log posterior of rows, without derivatives, and the mean beside them.
+
+    The mean is that of the first record: sizes and standard errors, shape (rows, regressors).
+    """
     loss = -log_prior(spectra, rows, x)[0]
+    sizes, errors = np.empty((2, len(x), spectra.regressors))
     for axis in np.unique(rows.of).tolist():
         own = np.flatnonzero(rows.of == axis)
         for part in batches(rows.take(own)):
-            some = rows.take(own[part])
-            lam, _, _ = spectrum(spectra, some, x[own[part]], slopes=False)
+            here = own[part]
+            some = rows.take(here)
+            lam, _, _ = spectrum(spectra, some, x[here], slopes=False)
             weight, misfit = _weighed(spectra, some, lam)
-            loss[own[part]] += misfit - mean(
-                spectra.products[[axis]], spectra.records, weight)[0]
-    return loss
+            gain, size, covariance = mean(spectra.products[[axis]], spectra.records, weight)
+            loss[here] += misfit - gain
+            sizes[here] = size[:, 0]
+            errors[here] = np.sqrt(np.maximum(np.einsum('rii->ri', covariance[:, 0]), 0.0))
+    return loss, sizes, errors
 
 
 def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:

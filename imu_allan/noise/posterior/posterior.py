@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.change import Change, STEADY
-from imu_allan.noise.posterior.evidence import maximise_rows, sample
+from imu_allan.noise.posterior.evidence import Draws, maximise_rows, sample
 from imu_allan.noise.posterior.judgments import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 from imu_allan.noise.posterior.likelihood import (
     fitted_mean,
@@ -58,19 +58,17 @@ class Drawn:
         Spectra that it was fitted to.
     trends : tuple of Found
         Trends of the mean that the model contains.
+    draws : Draws
     weight : float
         Its share of the evidence of all models.
-    x, share : ndarray
-        As in `Draws`.
 
     """
 
     row: Rows
     spectra: Spectra
     trends: tuple[Found, ...]
-    weight: float
-    x: Array
-    share: Array
+    draws: Draws
+    weight: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -295,16 +293,14 @@ def _drawn(fits: Sequence[Fitted], axes: Sequence[int]) -> list[tuple[Drawn, ...
         counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
         for i, (axis, draws) in enumerate(zip(
                 own.tolist(), sample(one.spectra, rows, counts), strict=True)):
-            row = rows.take(np.array([i]))
-            found[axis].append(Drawn(replace(row, evidence=np.array([draws.evidence])),
-                                     one.spectra, one.trends[row.of[0]], 0.0, draws.x,
-                                     draws.share))
+            found[axis].append(Drawn(rows.take(np.array([i])), one.spectra,
+                                     one.trends[rows.of[i]], draws))
     return [_weighted(own) for own in found]
 
 
 def _weighted(models: Sequence[Drawn]) -> tuple[Drawn, ...]:
     """Weigh models by their evidence and sort them, the most probable first."""
-    evidence = np.array([model.row.evidence[0] for model in models])
+    evidence = np.array([model.draws.evidence for model in models])
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
     return tuple(replace(models[i], weight=float(weight[i]))
