@@ -176,22 +176,21 @@ class Recording(ABC):
 
     def _keep_remark(self, remark: Finding) -> None:
         """Add a remark unless known; keep ten of each kind and count the rest."""
-        same = [kept.code for kept in self.remarks].count(remark.code)
+        same = [i for i, kept in enumerate(self.remarks) if kept.code == remark.code]
         if remark in self.remarks:
             return
         most = 10   # a folder may hold thousands of damaged files
-        if same < most:
+        if len(same) < most:
             self.remarks.append(remark)
             return
         withheld = self._withheld.setdefault(remark.code, set())
         withheld.add(repr(remark))
         rest = replace(remark, axes=(), values={'recording': printable(self.path),
                                                 'more': len(withheld)})
-        if same == most:
+        if len(same) == most:
             self.remarks.append(rest)
         else:
-            last = max(i for i, kept in enumerate(self.remarks) if kept.code == remark.code)
-            self.remarks[last] = rest
+            self.remarks[same[-1]] = rest
 
     def __enter__(self) -> 'Recording':
         return self

@@ -14,8 +14,9 @@ ROS wiki, Bags/Format/2.0
 """
 
 from collections import Counter
-from collections.abc import Iterable, Set as AbstractSet
+from collections.abc import Iterable, Mapping, Set as AbstractSet
 from contextlib import suppress
+from io import BytesIO
 from typing import BinaryIO, NamedTuple
 
 from imu_allan.arrays import Ints
@@ -25,6 +26,7 @@ from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
     Head,
+    Kind,
     LARGEST_DESCRIPTION,
     Part,
 )
@@ -35,8 +37,10 @@ import numpy as np
 
 MAGIC = b'#ROSBAG V2.0\n'
 
-_INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (4, 5, 6, 7))
-"""Record types, the values of the field `op`."""
+_CHUNK_INFO, _CONNECTION = b'\x06', b'\x07'
+_KINDS: Mapping[bytes, Kind] = {
+    b'\x04': 'index', b'\x05': 'chunk', _CHUNK_INFO: 'end', _CONNECTION: 'end'}
+"""Record types, by the values of the field `op`."""
 _ENTRY = np.dtype([('sec', '<u4'), ('nanosec', '<u4'), ('place', '<u4')])
 """An entry of the index after a chunk: receive stamp, and offset of a message."""
 
@@ -59,7 +63,7 @@ class Ros1Recording(ChunkedRecording):
         starts, stops = np.append(places, len(buffer)), np.append(0, bodies + 4 + sizes)
         gaps = np.flatnonzero(starts != stops)
         for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True):
-            self._gather_connections(buffer, stop, start, limits)
+            self._gather_connections(BytesIO(buffer), stop, start, limits)
         chosen = np.isin(connections, [*wanted & part.indexes.keys()])
         bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
         return (MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
@@ -91,19 +95,19 @@ class Ros1Recording(ChunkedRecording):
                 record = _record(file, at, self.size_bytes)
                 if record is None:
                     return False
+                length = record.stop - record.start
                 if record.fields['op'] == _CONNECTION:
-                    self._describe(record.fields, file.read(
-                        min(record.length, LARGEST_DESCRIPTION)))
+                    self._describe(record.fields, file.read(min(length, LARGEST_DESCRIPTION)))
                 elif record.fields['op'] == _CHUNK_INFO:
                     place = _number(record.fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
                         self._chunk_starts.append(place)
-                    pairs = np.frombuffer(file.read(record.length // 8 * 8), '<u4').reshape(-1, 2)
+                    pairs = np.frombuffer(file.read(length // 8 * 8), '<u4').reshape(-1, 2)
                     for number, count in pairs.tolist():
                         counts[number] += count
                 else:
                     return False
-                at = record.start + record.length
+                at = record.stop
             self._chunk_starts.sort()
             self._counts, self._counted = dict(counts), bool(counts)
         return at == self.size_bytes
@@ -124,29 +128,26 @@ class Ros1Recording(ChunkedRecording):
         record = _record(file, at, self.size_bytes)
         if record is None:
             return Head(None)
-        kind, stop = record.fields['op'], record.start + record.length
-        if kind == _INDEX:
+        kind = _KINDS.get(record.fields['op'], 'other')
+        entries = {}
+        if kind == 'index':
             with suppress(DamagedData):
-                return Head('index', at, stop, {_number(record.fields, 'conn', 4): (
-                    record.start, record.length // _ENTRY.itemsize)})
-            return Head('index', at, stop)
-        return Head('chunk' if kind == _CHUNK else
-                    'end' if kind in (_CONNECTION, _CHUNK_INFO) else 'other', at, stop)
+                entries[_number(record.fields, 'conn', 4)] = (
+                    record.start, (record.stop - record.start) // _ENTRY.itemsize)
+        return Head(kind, at, record.stop, entries)
 
-    def _gather_connections(self, buffer: bytes, at: int, stop: int, limits: ReadingLimits,
+    def _gather_connections(self, file: BinaryIO, at: int, stop: int, limits: ReadingLimits,
                             ) -> None:
-        """Store the connections of the records between two messages."""
+        """Store the connections of the records between two messages of a chunk."""
         while at != stop:
             limits.step()
-            start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
-            end = start + int.from_bytes(buffer[start - 4:start], 'little')
-            fields = _fields_of(buffer[at + 4:start - 4]) if start <= end <= stop else {}
-            if fields.get('op') != _CONNECTION:
+            record = _record(file, at, stop)
+            if record is None or record.fields['op'] != _CONNECTION:
                 raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
                                   'record of a connection')
-            if end - start <= LARGEST_DESCRIPTION:
-                self._describe(fields, buffer[start:end])
-            at = end
+            if record.stop - record.start <= LARGEST_DESCRIPTION:
+                self._describe(record.fields, file.read(record.stop - record.start))
+            at = record.stop
 
 
 class _Record(NamedTuple):
@@ -154,7 +155,7 @@ class _Record(NamedTuple):
 
     fields: _Fields
     start: int
-    length: int
+    stop: int
 
 
 def _fields_of(header: bytes) -> _Fields:
@@ -199,7 +200,7 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
         length = int.from_bytes(file.read(4), 'little')
         start = at + 8 + size
         if 'op' in fields and start + length <= end:
-            return _Record(fields, start, length)
+            return _Record(fields, start, start + length)
     return None
 
 
@@ -208,7 +209,7 @@ def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
     record = _record(file, part.start, part.stop)
     if record is None:
         raise DamagedData('no header')
-    return expanded(file, _text(record.fields, 'compression'), record.length,
+    return expanded(file, _text(record.fields, 'compression'), record.stop - record.start,
                     _number(record.fields, 'size', 4), limits)
 
 
