@@ -23,13 +23,7 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import (
-    fastest,
-    lacking,
-    Records,
-    TableLog,
-    times_of,
-)
+from imu_allan.recordings.formats.table import lacking, Records, TableLog, times_of
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
@@ -61,20 +55,19 @@ class ArduPilotRecording(TableLog):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
         thermometer = replace(_FIELDS['IMU'], temperature='T').thermometer()
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
+        imus = []
         for name, rate in rates.items():
             base, dot, number = name.partition('.')
-            self.add_imu(rate, ImuTopic(name, sum(map(len, times[name])), ImuMessages(
-                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
-                'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at '
-                'the full rate')
+            imus.append((ImuTopic(name, sum(map(len, times[name])), ImuMessages(
+                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)), rate))
             # Only IMU messages hold a temperature, and even their lowest rate is high enough for
             # it.
             source = f'IMU{dot}{number}'
             if source in rates:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
                     'ArduPilot IMU', fields=thermometer), source))
-        self.preferred = fastest({topic.name: rates[topic.name] for topic in self.topics},
-                                 {'GYR': 'ACC'})
+        self.list_imus(imus, {'GYR': 'ACC'}, 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
+                       'autopilot for raw samples at the full rate')
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic and of topics of the same message type."""

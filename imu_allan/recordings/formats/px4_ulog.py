@@ -22,7 +22,6 @@ from struct import Struct
 from typing import Any
 
 from imu_allan.recordings.formats.table import (
-    fastest,
     lacking,
     Records,
     TableLog,
@@ -68,20 +67,20 @@ class UlogRecording(TableLog):
         if reader.left:
             self.remark('truncated_recording', fault='log', bytes=reader.left,
                         lost_share=reader.left / self.size_bytes)
-        rates = {}
+        imus = []
         for name, (messages, samples, first, last, names) in seen.items():
             fields = KNOWN[_type_of(name)]
             imu = ImuTopic(name, messages, ImuMessages(
                 _type_of(name), factors=options.factors, fields=replace(
                     fields, what='as logged',
                     temperature=fields.temperature if fields.temperature in names else None)))
-            rates[name] = (samples - 1) * 1e9 / (last - first) if last > first else 0.0
-            # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
-            self.add_imu(rates[name], imu, 'set SDLOG_PROFILE in the autopilot (bit 4: high rate; '
-                         'bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
+            imus.append((imu, (samples - 1) * 1e9 / (last - first) if last > first else 0.0))
             self.list_own_thermometer(imu)
-        partner = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
-        self.preferred = fastest({imu.name: rates[imu.name] for imu in self.topics}, partner)
+        # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
+        self.list_imus(
+            imus, {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'},
+            'set SDLOG_PROFILE in the autopilot (bit 4: high rate; bits 8 and 9: FIFOs of '
+            'gyroscope and accelerometer) and record again')
 
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic and of its other instances."""

@@ -7,7 +7,7 @@ The fields with the samples are given by `imu_allan.recordings.messages.imu_fiel
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from imu_allan.arrays import Ints
@@ -26,14 +26,31 @@ Records = NDArray[np.void]
 class TableLog(FileRecording):
     """The log of an autopilot."""
 
-    def add_imu(self, rate_hz: float, imu: ImuTopic, advice: str) -> None:
-        """Add an IMU to `topics`, or note why it is not read and what to do."""
-        # No IMU is this slow; such messages are only for monitoring.
-        if rate_hz < 20.0:
-            self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
-            self.other_topics[imu.name] = imu.messages.type_name
-        else:
-            self.topics.append(imu)
+    def list_imus(self, imus: Sequence[tuple[ImuTopic, float]], partner: Mapping[str, str],
+                  advice: str) -> None:
+        """
+        Add IMUs, given with their rates in Hz, or note why one is not read and what to do.
+
+        Preferred is the fastest one, or the fastest gyroscope with its `partner`.
+        """
+        rates: dict[str, float] = {}
+        for imu, rate_hz in imus:
+            # No IMU is this slow; such messages are only for monitoring.
+            if rate_hz < 20.0:
+                self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
+                self.other_topics[imu.name] = imu.messages.type_name
+            else:
+                self.topics.append(imu)
+                rates[imu.name] = rate_hz
+        choices: dict[tuple[str, ...], float] = {}
+        for name, rate_hz in rates.items():
+            base, dot, number = name.partition('.')
+            other = f'{partner.get(base)}{dot}{number}'
+            if other in rates:
+                choices[name, other] = rate_hz
+            elif base not in {*partner, *partner.values()}:
+                choices[(name,)] = rate_hz
+        self.preferred = max(choices, key=lambda names: choices[names], default=())
 
     @abstractmethod
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
@@ -66,35 +83,20 @@ def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
     return record_of(fields, layout.itemsize)
 
 
-def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str, ...]:
-    """Choose the topic, or the gyroscope and its partner, with the highest rate."""
-    choices: dict[tuple[str, ...], float] = {}
-    for name, rate in rates.items():
-        base, dot, number = name.partition('.')
-        if base in partner:
-            other = f'{partner[base]}{dot}{number}'
-            if other in rates:
-                choices[name, other] = rate
-        elif base not in partner.values():
-            choices[(name,)] = rate
-    return max(choices, key=lambda names: choices[names], default=())
-
-
 def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
     """Return the first required field that is missing or not numeric; None if all are there."""
     needed = [*others, *sorted(fields.numbers() - {
         path for stamp in fields.stamps for path in stamp.paths})]
     if _stamp(layout, fields) is None:
         needed.append(fields.stamps[-1].path)
+    shapes = {name: kind.shape for name, (kind, *_) in (layout.fields or {}).items()
+              if kind.base.kind not in 'SV'}
     bursts = [path for _, vector in fields.vectors() for path in vector.paths
               if fields.burst is not None]
-    found: Mapping[str, Any] = layout.fields or {}
-    shape = found[bursts[0]][0].shape if bursts and bursts[0] in found else ()
-    return next((
-        name for name in needed
-        if name not in found or found[name][0].base.kind in 'SV'
-        or found[name][0].shape != (shape if name in bursts else ())
-        or (name in bursts and not shape)), None)
+    # Those of a burst are arrays of one length.
+    length = shapes.get(bursts[0]) or None if bursts else None
+    return next((name for name in needed if name not in shapes
+                 or shapes[name] != (length if name in bursts else ())), None)
 
 
 def _stamp(layout: np.dtype[Any], fields: ImuFields) -> Stamp | None:
