@@ -84,18 +84,17 @@ class BagDirectory(Recording):
             return None
 
     def _list_from_files(self) -> None:
-        listed = {topic.name: topic for topic in self.topics}
-        counted = {topic.name: topic.count for topic in self.topics}
-        counts: dict[str, int | None] = dict.fromkeys(listed)
+        counted = {topic.name: topic.count or None for topic in self.topics}
+        found = {topic.name: replace(topic, count=None) for topic in self.topics}
         for file in self._files:
             part = self._opened(file)
             if part is None:
                 continue
             with part:
                 for topic in part.topics:
-                    before = counts.get(topic.name) or 0
-                    counts[topic.name] = None if topic.count is None else before + topic.count
-                    listed[topic.name] = topic
+                    if topic.count is not None and topic.name in found:
+                        topic = replace(topic, count=topic.count + (found[topic.name].count or 0))
+                    found[topic.name] = topic
                 known = {thermometer.name for thermometer in self.thermometers}
                 self.thermometers += [replace(thermometer, count=None)
                                       for thermometer in part.thermometers
@@ -103,9 +102,8 @@ class BagDirectory(Recording):
                 self.other_topics.update(part.other_topics)
                 self.reasons.update(part.reasons)
                 self.keep_remarks_of(part)
-        self.topics = [
-            replace(listed[name], count=counted.get(name) or None if count is None else count)
-            for name, count in counts.items()]
+        self.topics = [replace(topic, count=counted.get(name)) if topic.count is None else topic
+                       for name, topic in found.items()]
         recorded = {topic.topic for topic in self.topics}
         self.other_topics = {name: kind for name, kind in self.other_topics.items()
                              if name not in recorded}

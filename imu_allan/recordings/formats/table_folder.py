@@ -40,30 +40,27 @@ class TableFolder(Recording):
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)
-        self._files: dict[str, Path] = {}
-        halves: dict[str, list[str]] = {sensor: [] for sensor in SENSORS}
+        self._tables: dict[str, CsvRecording] = {}
         tables = tables_in(path)
         foreign: set[Path] = set()
         # A phone has some thirty sensors.
         for file in tables[:64]:
             try:
-                sensors = self._table(file).sensors
+                self._tables[file.name] = self._table(file)
             except ImuAllanError as error:
                 self.other_topics[file.name], self.reasons[file.name] = 'CSV', str(error)
                 if isinstance(error, NamesNoAxis):
                     foreign.add(file)
-                continue
-            self._files[file.name] = file
-            self.topics.append(ImuTopic(file.name, None))
-            if len(sensors) == 1:
-                halves[sensors[0]].append(file.name)
+        self.topics = [ImuTopic(name, None) for name in self._tables]
+        halves = {sensor: [name for name, table in self._tables.items()
+                           if table.sensors == [sensor]] for sensor in SENSORS}
         self.alone: list[Path] = []
         if not all(halves.values()):
-            if len(self._files) == sum(map(len, halves.values())):
+            if len(self._tables) == sum(map(len, halves.values())):
                 raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
                                     f'together: {self._why_no_imu(halves)}')
             self.alone = [file for file in tables if file not in foreign]
-        self.size_bytes = sum(file.stat().st_size for file in self._files.values())
+        self.size_bytes = sum(table.size_bytes for table in self._tables.values())
         # In lower case, best first. Sensor Logger removes gravity from its Accelerometer.
         preferred = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
         gyro, accel = (_best(names, preferred[sensor]) for sensor, names in halves.items())
@@ -72,8 +69,7 @@ class TableFolder(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table; yield blocks, each with its share of the bytes of all files."""
-        file = self._files[topic]
-        with self._table(file) as table:
+        with self._tables[topic].for_another_topic() as table:
             for block, position in table.decoded(NO_TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
         self.keep_remarks_of(table)
