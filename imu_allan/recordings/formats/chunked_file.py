@@ -5,10 +5,10 @@
 from abc import abstractmethod
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Set as AbstractSet
+from collections.abc import Iterable, Iterator, Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, Literal, NamedTuple
+from typing import Any, BinaryIO, ClassVar, Literal
 
 from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
@@ -34,9 +34,10 @@ _UNWRITTEN = 'what was not yet written is missing'
 Kind = Literal['chunk', 'index', 'message', 'end', 'other']
 
 
-class Head(NamedTuple):
+@dataclass
+class Part:
     """
-    What a record is, and where.
+    A record, such as a chunk, or a run of messages outside of chunks.
 
     Attributes
     ----------
@@ -44,37 +45,15 @@ class Head(NamedTuple):
         A message may be the description of one; nothing is read after the end. None if no record
         can be recognized.
     start, stop : int
-        Where a part begins that consists of it, and where the record ends.
-    entries : dict of int to (int, int)
-        Position and number of those of an index, by channel.
+        Position in the file.
+    indexes : dict of int to (int, int)
+        Position and number of entries of the index of each channel, in it or after it.
 
     """
 
     kind: Kind | None
     start: int = 0
     stop: int = 0
-    entries: Mapping[int, tuple[int, int]] = {}
-
-
-@dataclass
-class Part:
-    """
-    A chunk, or a run of records outside of chunks.
-
-    Attributes
-    ----------
-    start, stop : int
-        Position in the file.
-    is_chunk : bool
-        Whether it is a chunk.
-    indexes : dict of int to (int, int)
-        Position and number of entries of the index of each channel after a chunk.
-
-    """
-
-    start: int
-    stop: int
-    is_chunk: bool
     indexes: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def entries(self, file: BinaryIO, kind: np.dtype[np.void]) -> list[NDArray[np.void]]:
@@ -128,7 +107,7 @@ class ChunkedRecording(FileRecording):
         """Read channels, counts and chunk offsets from the end; return False if damaged."""
 
     @abstractmethod
-    def _head(self, file: BinaryIO, at: int) -> Head:
+    def _head(self, file: BinaryIO, at: int) -> Part:
         """Read the head of the record at `at`."""
 
     @abstractmethod
@@ -212,31 +191,31 @@ class ChunkedRecording(FileRecording):
         part: Part | None = None
         while True:
             end = self._next_chunk(at) or self.size_bytes
-            kind, start, stop, entries = self._head(file, at)
-            whole = kind is not None and stop <= end
+            found = self._head(file, at)
+            whole = found.kind is not None and found.stop <= end
             if part is not None:
-                if whole and kind == 'index' and part.is_chunk:
-                    part.indexes.update(entries)
-                elif (whole and kind == 'message' and not part.is_chunk
-                        and stop - part.start <= WINDOW):
-                    part.stop = stop
+                if whole and found.kind == 'index' and part.kind == 'chunk':
+                    part.indexes.update(found.indexes)
+                elif (whole and found.kind == part.kind == 'message'
+                        and found.stop - part.start <= WINDOW):
+                    part.stop = found.stop
                 else:
                     yield part
                     part = None
-            if whole and kind == 'end':
-                return
-            if whole:
-                # A record that is too large for an Imu message is an image or a point cloud.
-                if part is None and (kind == 'chunk' or (
-                        kind == 'message' and stop - start <= WINDOW)):
-                    part = Part(start, stop, kind == 'chunk')
-                    damage.chunks += part.is_chunk
-                at = stop
-            else:
-                known = self._skip_to_chunk(at, damage, kind == 'chunk')
+            if not whole:
+                known = self._skip_to_chunk(at, damage, found.kind == 'chunk')
                 if known is None:
                     return
                 at = known
+                continue
+            if found.kind == 'end':
+                return
+            # A record that is too large for an Imu message is an image or a point cloud.
+            if part is None and (found.kind == 'chunk' or (
+                    found.kind == 'message' and found.stop - found.start <= WINDOW)):
+                part = found
+                damage.chunks += found.kind == 'chunk'
+            at = found.stop
 
     def _list_topics(self) -> None:
         groups: dict[tuple[str, str, str], list[int]] = {}

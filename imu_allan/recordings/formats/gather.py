@@ -73,8 +73,11 @@ def gather(
                 if steps_left == 0:
                     places = _verified(buffer, at, index(), describe)
                     if places is not None:
-                        batches += [_collected(buffer, scattered), _collected(
-                            buffer, _of_channels(buffer, places, wanted))]
+                        channels = anywhere(buffer, _HEAD)['channel'][places]
+                        # All 65,536 may be wanted, but a chunk contains only a few.
+                        chosen = np.isin(channels, [*wanted & {*np.unique(channels).tolist()}])
+                        batches += [_collected(buffer, scattered),
+                                    _collected(buffer, places[chosen])]
                         return chain.from_iterable(batches), end
             if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
                 if run:
@@ -172,15 +175,6 @@ def _only_descriptions(
         describe(opcode, buffer[at + RECORD_HEAD:at + RECORD_HEAD + length])
         at += RECORD_HEAD + length
     return at == stop
-
-
-def _of_channels(buffer: bytes, places: Ints, wanted: AbstractSet[int]) -> Ints:
-    channels = anywhere(buffer, _HEAD)['channel'][places]
-    # Compare distinct channels: all 65,536 may be wanted, but a chunk contains only a few.
-    kinds, which = np.unique(channels, return_inverse=True)
-    chosen = np.array([number in wanted for number in kinds.tolist()])
-    kept: Ints = places[chosen[which]]
-    return kept
 
 
 def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatch]:

@@ -27,7 +27,6 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
-    Head,
     Kind,
     LARGEST_DESCRIPTION,
     Part,
@@ -74,7 +73,7 @@ class McapRecording(ChunkedRecording):
 
     def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                  limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
-        data = (_chunk_data(file, part.stop - part.start, limits) if part.is_chunk
+        data = (_chunk_data(file, part.stop - part.start, limits) if part.kind == 'chunk'
                 else file.read(part.stop - part.start))
         batches, consumed = gather(data, wanted, self._describe,
                                    lambda: _message_places(file, part), limits)
@@ -151,7 +150,7 @@ class McapRecording(ChunkedRecording):
                 self._channels[number] = Channel(
                     channel.topic, name, channel.message_encoding[:_LONGEST_NAME], definition)
 
-    def _head(self, file: BinaryIO, at: int) -> Head:
+    def _head(self, file: BinaryIO, at: int) -> Part:
         file.seek(at)
         head = file.read(RECORD_HEAD)
         opcode, length = OPCODE_LENGTH.unpack(head) if len(head) == RECORD_HEAD else (0, 0)
@@ -160,9 +159,9 @@ class McapRecording(ChunkedRecording):
         if kind == 'index':
             number = int.from_bytes(file.read(2), 'little')
             # The length of the entries in bytes comes before them.
-            return Head(kind, at, stop, {
+            return Part(kind, at, stop, {
                 number: (start + 6, max(0, length - 6) // _INDEX_ENTRY.itemsize)})
-        return Head(kind, start if kind == 'chunk' else at, at if kind == 'end' else stop)
+        return Part(kind, start if kind == 'chunk' else at, at if kind == 'end' else stop)
 
 
 def _chunk_data(file: BinaryIO, length: int, limits: ReadingLimits) -> bytes:

@@ -25,7 +25,6 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
-    Head,
     Kind,
     LARGEST_DESCRIPTION,
     Part,
@@ -124,17 +123,17 @@ class Ros1Recording(ChunkedRecording):
                 topic, _text(described, 'type'), 'ros1',
                 Definition(text) if text.strip() else None)
 
-    def _head(self, file: BinaryIO, at: int) -> Head:
+    def _head(self, file: BinaryIO, at: int) -> Part:
         record = _record(file, at, self.size_bytes)
         if record is None:
-            return Head(None)
+            return Part(None)
         kind = _KINDS.get(record.fields['op'], 'other')
         entries = {}
         if kind == 'index':
             with suppress(DamagedData):
                 entries[_number(record.fields, 'conn', 4)] = (
                     record.start, (record.stop - record.start) // _ENTRY.itemsize)
-        return Head(kind, at, record.stop, entries)
+        return Part(kind, at, record.stop, entries)
 
     def _gather_connections(self, file: BinaryIO, at: int, stop: int, limits: ReadingLimits,
                             ) -> None:
