@@ -7,7 +7,7 @@ Fields found by a search and fields named by the user have the same representati
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import re
 
 from imu_allan.errors import brief, ImuAllanError
@@ -158,46 +158,45 @@ def split_path(path: str) -> tuple[str, int]:
 def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
     """Find messages with vectors `angular_velocity` and `linear_acceleration` in a type."""
     found: list[ImuFields] = []
-    _search(types, type_name, '', (), None, found, 0, iter(range(_MOST_VISITED)))
-    return found
-
-
-def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
-            frame_id: str | None, found: list[ImuFields], depth: int, visits: Iterator[int],
-            temperature: str | None = None) -> None:
-    if next(visits, None) is None:
-        if found:
-            return
-        raise ImuAllanError(f'its type holds more than {_MOST_VISITED} messages, too many to '
-                            'search for an IMU; name the fields with --gyro and --accel')
-    fields = {field.name: field for field in types.get(type_name, ())}
-    own, own_frame_id = own_clock(types, type_name, path)
-    stamps, frame_id = own + stamps, own_frame_id or frame_id
-    temperature = next((f'{path}{name}'
-                        for name in ('imu_temperature', 'temperature', 'imu_temp', 'temp')
-                        if name in fields and _is_number(fields[name])), temperature)
-    halves = ('angular_velocity', 'linear_acceleration')
-    if all(_is_vector(types, fields.get(name)) for name in halves):
-        gyro, accel = (Vector(
-            _components(f'{path}{name}'),
-            covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
-                fields.get(f'{name}_covariance')) else None)) for name in halves)
-        what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
-        found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=temperature))
-        return
-    # Real messages are not nested this deep; a hostile definition may be nested endlessly.
-    if depth == 8:
-        return
+    visits = iter(range(_MOST_VISITED))
     most_imus = 16
-    for field in fields.values():
-        if not field.is_message or field.count == 0:
-            continue
-        names = [field.name] if field.count is None else [
-            f'{field.name}[{number}]' for number in range(min(field.count, most_imus))]
-        for name in names:
-            if len(found) < most_imus:
-                _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found,
-                        depth + 1, visits, temperature)
+
+    def search(kind: str, path: str, around: ImuFields) -> None:
+        """Search a message; those `around` it may have a stamp, a frame and a temperature."""
+        if next(visits, None) is None:
+            if found:
+                return
+            raise ImuAllanError(f'its type holds more than {_MOST_VISITED} messages, too many to '
+                                'search for an IMU; name the fields with --gyro and --accel')
+        fields = {field.name: field for field in types.get(kind, ())}
+        stamps, frame_id = own_clock(types, kind, path)
+        here = replace(
+            around, stamps=stamps + around.stamps, frame_id=frame_id or around.frame_id,
+            temperature=next((f'{path}{name}' for name in (
+                'imu_temperature', 'temperature', 'imu_temp', 'temp')
+                if name in fields and _is_number(fields[name])), around.temperature))
+        halves = ('angular_velocity', 'linear_acceleration')
+        if all(_is_vector(types, fields.get(name)) for name in halves):
+            gyro, accel = (Vector(
+                _components(f'{path}{name}'),
+                covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
+                    fields.get(f'{name}_covariance')) else None)) for name in halves)
+            found.append(replace(here, gyro=gyro, accel=accel, what=(
+                f'its field {path[:-1]} ({kind})' if path else 'its own fields')))
+            return
+        # Real messages are not nested this deep; a hostile definition may be nested endlessly.
+        if path.count('.') == 8:
+            return
+        for field in fields.values():
+            if not field.is_message or field.count == 0:
+                continue
+            for number in range(min(field.count or 1, most_imus)):
+                name = field.name if field.count is None else f'{field.name}[{number}]'
+                if len(found) < most_imus:
+                    search(field.kind, f'{path}{name}.', here)
+
+    search(type_name, '', ImuFields(None, None))
+    return found
 
 
 def _components(path: str) -> tuple[str, str, str]:
