@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result file, JSON with the schema ``imu_allan.result/1``, and the curves as CSV."""
 
+from collections.abc import Iterator
 import csv
 import io
 import json
@@ -56,7 +57,9 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
                             'written by: imu_allan analyze RECORDING --json FILE') from error
     result = schema.Result.from_dict(document, str(path))
     for name, axis in result.axes.items():
-        _check_axis(axis, name, f'{path}.axes.{shorten(name)}')
+        for wrong, what in _contradictions(axis, name):
+            if wrong:
+                raise ImuAllanError(f'{path}.axes.{shorten(name)}{what}')
     return result
 
 
@@ -105,38 +108,33 @@ def _no_constant(name: str) -> NoReturn:
     raise ValueError(f'{name} is not JSON')
 
 
-def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
-    """Raise an error for content that no estimator writes, so that writers can rely on it."""
-    if name not in AXES:
-        raise ImuAllanError(f'{where}: unknown axis; known are {", ".join(AXES)}')
+def _contradictions(axis: schema.AxisResult, name: str) -> Iterator[tuple[bool, str]]:
+    """Yield what no estimator writes, so that writers can rely on it, and whether it is so."""
+    yield name not in AXES, f': unknown axis; known are {", ".join(AXES)}'
     quantity = AXES[name]
-    if axis.quantity != quantity.value or axis.unit != quantity.unit:
-        raise ImuAllanError(f'{where}: expected quantity {quantity.value} in {quantity.unit}')
-    if set(axis.coefficients) != set(TERMS):
-        raise ImuAllanError(f'{where}.coefficients: expected {", ".join(TERMS)}')
+    yield (axis.quantity != quantity.value or axis.unit != quantity.unit,
+           f': expected quantity {quantity.value} in {quantity.unit}')
+    yield set(axis.coefficients) != set(TERMS), f'.coefficients: expected {", ".join(TERMS)}'
     for key, coefficient in axis.coefficients.items():
-        here = f'{where}.coefficients.{key}'
-        if coefficient.unit != TERMS[key].unit(quantity):
-            raise ImuAllanError(f'{here}.unit: expected {TERMS[key].unit(quantity)}')
-        if coefficient.observable and (coefficient.value is None or coefficient.ci95 is None):
-            raise ImuAllanError(f'{here}: observable, but without value or ci95')
-        if not coefficient.observable and coefficient.value is not None:
-            raise ImuAllanError(f'{here}: not observable, but with a value')
+        here, unit = f'.coefficients.{key}', TERMS[key].unit(quantity)
+        yield coefficient.unit != unit, f'{here}.unit: expected {unit}'
+        yield (coefficient.observable and None in (coefficient.value, coefficient.ci95),
+               f'{here}: observable, but without value or ci95')
+        yield (not coefficient.observable and coefficient.value is not None,
+               f'{here}: not observable, but with a value')
     curve, spectrum, signal = axis.curve, axis.spectrum, axis.signal
-    model, law = axis.drift_model, axis.power_law
     for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
-        if len(getattr(curve, field)) != len(curve.tau_s):
-            raise ImuAllanError(f'{where}.curve.{field}: not as long as tau_s')
-    for wrong, what in (
-            (spectrum is not None and len(spectrum.psd) != len(spectrum.frequency_hz),
-             'spectrum.psd: not as long as frequency_hz'),
-            (spectrum is not None and len(spectrum.passed) not in (0, len(spectrum.frequency_hz)),
-             'spectrum.passed: not as long as frequency_hz'),
-            (signal is not None and not len(signal.low) == len(signal.mean) == len(signal.high),
-             'signal: low, mean and high differ in length'),
-            (model is not None and not curve.tau_s, 'drift_model: there is no curve of it'),
-            (model is not None and model.from_s > model.to_s, 'drift_model.from_s: beyond to_s'),
-            (law is not None and not 0 <= law.exponent <= 2,
-             'power_law.exponent: expected 0 to 2')):
-        if wrong:
-            raise ImuAllanError(f'{where}.{what}')
+        yield (len(getattr(curve, field)) != len(curve.tau_s),
+               f'.curve.{field}: not as long as tau_s')
+    if spectrum is not None:
+        bins = len(spectrum.frequency_hz)
+        yield len(spectrum.psd) != bins, '.spectrum.psd: not as long as frequency_hz'
+        yield (len(spectrum.passed) not in (0, bins),
+               '.spectrum.passed: not as long as frequency_hz')
+    yield (signal is not None and not len(signal.low) == len(signal.mean) == len(signal.high),
+           '.signal: low, mean and high differ in length')
+    if (model := axis.drift_model) is not None:
+        yield not curve.tau_s, '.drift_model: there is no curve of it'
+        yield model.from_s > model.to_s, '.drift_model.from_s: beyond to_s'
+    yield (axis.power_law is not None and not 0 <= axis.power_law.exponent <= 2,
+           '.power_law.exponent: expected 0 to 2')

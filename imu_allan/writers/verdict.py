@@ -103,17 +103,18 @@ def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str
     found: dict[str, list[Finding]] = {code: [] for code in because}
     for one in words.for_display(result.warnings):
         if one.code in found and concerns(one, sensor):
-            found[one.code].append(words.of_sensor(one, sensor))
+            found[one.code].append(one)
     faulty: dict[str, set[str]] = {}
     for name, axis in axes_of(result, sensor).items():
         if axis.fault is not None:
             faulty.setdefault(FAULTS[axis.fault], set()).add(name[-1])
     said: list[tuple[str, str]] = []
     for code, same in found.items():
-        letters = {axis[-1] for one in same for axis in one.axes} | faulty.get(code, set())
+        letters = faulty.get(code, set()) | {
+            axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)}
         axes = f' ({listed(sorted(letters))})' if letters else ''
         if same:
-            said.append((f'{words.brief(words.together(same))}{axes}',
+            said.append((f'{words.brief(words.together(same, sensor))}{axes}',
                          f'{words.title_of(same[0])}{axes}'))
         elif code in WORDS:
             said.append((f'{WORDS[code].title}{axes}',) * 2)

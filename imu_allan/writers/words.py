@@ -187,20 +187,10 @@ def of_axis(found: Finding, axis: str) -> Finding:
         for name, value in found.values.items()})
 
 
-def of_sensor(found: Finding, sensor: str) -> Finding:
-    """Return what a finding about several axes says about those of one sensor."""
-    axes = tuple(axis for axis in found.axes if axis.startswith(sensor))
-    if axes == found.axes or not axes:
-        return found
-    each = [of_axis(found, axis).values for axis in axes]
-    return replace(found, axes=axes, values={
-        name: [values[name] for values in each] if len(axes) > 1 and is_of_axes(found, name)
-        else each[0][name] for name in found.values})
-
-
-def together(same: Sequence[Finding]) -> Finding:
-    """Return findings of one code as one, with the figures that all of them have."""
-    each = [of_axis(found, axis).of(axis) for found in same for axis in found.axes] or [*same]
+def together(same: Sequence[Finding], sensor: str) -> Finding:
+    """Return what findings of one code say about a sensor, with the figures that all have."""
+    each = [of_axis(found, axis).of(axis) for found in same for axis in found.axes
+            if axis.startswith(sensor)] or [*same]
     names = set.intersection(*({*found.values} for found in each))
     return _joined([replace(found, values={
         name: value for name, value in found.values.items() if name in names}) for found in each])
