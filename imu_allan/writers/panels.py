@@ -20,7 +20,7 @@ from imu_allan.writers import curves
 from imu_allan.writers.figure_style import COLOURS, MARKERS, write_in_a_row
 from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,51 +83,55 @@ def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | Non
     if not curve.tau_s:
         return
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
-    shown = curves.coefficients_of(axis) if truth is None else dict(truth)
+    shown = curves.coefficients_of(axis) if truth is None else truth
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
-    for line, place, name in curves.other_noise(axis, tau) if truth is None else ():
+
+    def draw(line: Array, dashes: Any) -> NDArray[np.intp]:
+        """Draw the part of a line within the panel, and return its places."""
         seen = np.flatnonzero((line > low) & (line < high))
         if len(seen):
-            panel.plot(tau[seen], line[seen], color=COLOURS['soft'], linewidth=0.9,
-                       linestyle=(0, (6, 1)), zorder=2.5)
-            place = int(seen[np.argmin(np.abs(seen - place))])
-            _name(panel, axis, (float(tau[place]), float(line[place])), name, taken)
+            _draw_soft(panel, tau[seen], line[seen], dashes)
+        return seen
+
+    for line, place, name in curves.other_noise(axis, tau) if truth is None else ():
+        if len(seen := draw(line, (0, (6, 1)))):
+            place = seen[np.argmin(np.abs(seen - place))]
+            _name(panel, axis, (tau[place], line[place]), name, taken)
     slopes = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
     read_at = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
                'rate_ramp': '√2 s'}
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
-        inside = (line > low) & (line < high)
-        if value == 0 or not inside.any():
+        if not len(seen := draw(line, _DASHES[key])):
             continue
-        panel.plot(tau[inside], line[inside], color=COLOURS['soft'], linewidth=0.9,
-                   linestyle=_DASHES[key], zorder=2.5)
-        lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}']
         at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
         slope = f'slope {slopes[term.slope]}'
-        ringed = tau[0] <= at <= tau[-1] and low < height < high
-        if ringed:
-            lines.append(f'{slope}, read at {read_at[key]}' if term.read_at else
-                         f'{slope}, at {FLICKER_FLOOR:.3f} B')
+        if tau[0] <= at <= tau[-1] and low < height < high:
+            slope += f', read at {read_at[key]}' if term.read_at else f', at {FLICKER_FLOOR:.3f} B'
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
                        markeredgecolor=COLOURS['ink'], markeredgewidth=1.2, zorder=8)
         else:
-            lines.append(slope)
-            place = int(inside.sum()) * 2 // 5
-            at, height = float(tau[inside][place]), float(line[inside][place])
-        _name(panel, axis, (at, height), lines, taken)
+            place = seen[len(seen) * 2 // 5]
+            at, height = tau[place], line[place]
+        _name(panel, axis, (at, height), [
+            f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}',
+            slope], taken)
+
+
+def _draw_soft(panel: 'Axes', x: Array, y: Array, dashes: Any) -> None:
+    """Draw a line that the measured ones are compared with."""
+    panel.plot(x, y, color=COLOURS['soft'], linewidth=0.9, linestyle=dashes, zorder=2.5)
 
 
 def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
           taken: list[Box]) -> None:
     """Label a point, with a connecting line, where the text hides least."""
-    ink, paper = COLOURS['ink'], COLOURS['paper']
     scale = 72 / panel.figure.dpi
-    tall = panel.bbox.height * scale
+    width, tall = panel.bbox.width * scale, panel.bbox.height * scale
 
     def points(x: ArrayLike, y: ArrayLike) -> Array:
         pixels = panel.transData.transform(np.column_stack([x, y])) - panel.bbox.min
@@ -136,20 +140,20 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
     curve = axis.curve
     seen = [(t, v) for values in (curve.adev, curve.model_adev)
             for t, v in zip(curve.tau_s, values, strict=True) if v > 0]
-    x, y = points(*([value] for value in at))[0]
+    [(x, y)] = points(*at)
     name_size = 7.5   # in points; superscripts then have 6, the smallest readable print
     # DejaVu Sans is a tenth wider than the font of a browser.
     size = (max(map(len, lines)) * LETTER * 1.1 * name_size + 4,
             len(lines) * 1.25 * name_size + 3)
-    box = best_place((x, y), size, (0, 0, panel.bbox.width * scale, tall),
-                     points(*zip(*seen, strict=True)), taken, name_size / FONT)
+    box = best_place((x, y), size, (0, 0, width, tall), points(*zip(*seen, strict=True)), taken,
+                     name_size / FONT)
     taken.append(box)
     panel.annotate(
         '\n'.join(lines), at, xytext=(box[0] + 2 - x, y - (box[1] + box[3]) / 2),
-        textcoords='offset points', fontsize=name_size, color=ink, va='center', ha='left',
-        zorder=7, bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
-                        'alpha': 0.85},
-        arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
+        textcoords='offset points', fontsize=name_size, color=COLOURS['ink'], va='center',
+        ha='left', zorder=7, bbox={'boxstyle': 'round,pad=0.15', 'facecolor': COLOURS['paper'],
+                                   'edgecolor': 'none', 'alpha': 0.85},
+        arrowprops={'arrowstyle': '-', 'color': COLOURS['ink'], 'linewidth': 0.6, 'shrinkA': 0,
                     'shrinkB': 4, 'relpos': (0 if box[0] > x else 1, 0.5)})
 
 
@@ -178,8 +182,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     for key, value in curves.coefficients_of(axis).items():
         own = FittedModel({key: value}).density(frequency, 1 / rate)
         inside = own > model[fitted].min(initial=inf) * 0.3
-        panel.plot(frequency[inside], own[inside], color=soft, linewidth=0.9,
-                   linestyle=_DASHES[key], zorder=2.5)
+        _draw_soft(panel, frequency[inside], own[inside], _DASHES[key])
     named: list[float] = []
     for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:8]:
         panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)

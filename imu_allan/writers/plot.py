@@ -7,6 +7,7 @@ Each figure is one sheet, composed of the parts in `imu_allan.writers.panels` an
 """
 
 from collections.abc import Mapping
+from functools import partial
 import io
 from typing import TYPE_CHECKING
 import warnings
@@ -93,8 +94,12 @@ def overview_figure(result: Result) -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
+            frame_allan(panel, sensor, curves.limits_of(axes.values()))
             # The table above names the axes by their markers.
-            _draw_curves(panel, sensor, axes, result)
+            for name, axis in axes.items():
+                if any(axis.curve.adev):
+                    draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
+                               result.timeline, DASHES[name[-1]])
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
             draw_signal(strip, axes, result)
         return figure
@@ -127,16 +132,6 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
         return figure
 
 
-def _draw_curves(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], result: Result
-                 ) -> None:
-    """Draw the Allan deviations of the axes of a sensor."""
-    frame_allan(panel, sensor, curves.limits_of(axes.values()))
-    for name, axis in axes.items():
-        if any(axis.curve.adev):
-            colour, marker, dashes = COLOURS[name[-1]], MARKERS[name[-1]], DASHES[name[-1]]
-            draw_curve(panel, axis, colour, marker, result.timeline, dashes)
-
-
 def render(figure: 'Figure', format: str = 'png',  # noqa: A002
            dpi: float = 150) -> bytes:
     """Return a figure as the content of a file."""
@@ -167,43 +162,37 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
     """Draw a table of the coefficients that at least one axis shows, with their intervals."""
-    ink, soft = COLOURS['ink'], COLOURS['soft']
     panel.axis('off')
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
-    panel.text(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold', color=ink,
-               va='center')
+    write = partial(panel.text, va='center')
+    right_soft = partial(write, ha='right', color=COLOURS['soft'])
+    write(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold')
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable or curves.power_law_note(axis, key)
                     for axis in axes.values())]
     # If no term is observable, show the bounds of the most important ones.
     terms = terms or [TERMS[key] for key in LASTING_TERMS]
-    for column, term in enumerate(terms):
-        right = 0.05 + 0.95 * (column + 1) / max(3, len(terms))
+    rights = [0.05 + 0.95 * (column + 1) / max(3, len(terms)) for column in range(len(terms))]
+    for term, right in zip(terms, rights, strict=True):
         unit = typeset(engineering(1.0, term.unit(AXES[next(iter(axes))]))[1])
-        panel.text(right, 3.15, f'{term.symbol}  [{unit}]', ha='right', va='center', fontsize=8,
-                   color=soft)
-        for row, axis in enumerate(axes.values()):
-            coefficient = axis.coefficients[term.key]
-            height = 2.3 - 0.9 * row
-            if axis.constant:
-                if not column:
-                    panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
-                               va='center', color=soft)
-            elif len(said := curves.reported(coefficient)) == 3:
-                panel.text(right - 0.178, height, said[0], ha='right', va='center', fontsize=9.5,
-                           color=ink)
-                panel.text(right, height, ' – '.join(said[1:]), ha='right', va='center',
-                           fontsize=6.5, color=soft)
+        right_soft(right, 3.15, f'{term.symbol}  [{unit}]', fontsize=8)
+    for row, (name, axis) in enumerate(axes.items()):
+        height, colour = 2.3 - 0.9 * row, COLOURS[name[-1]]
+        panel.plot([0.012], [height], MARKERS[name[-1]], color=colour, markersize=5)
+        write(0.035, height, name[-1], color=colour, fontsize=9.5, fontweight='bold')
+        if axis.constant:
+            write(0.08, height, 'constant: every sample is the same', fontsize=7,
+                  color=COLOURS['soft'])
+            continue
+        for term, right in zip(terms, rights, strict=True):
+            said = curves.reported(axis.coefficients[term.key])
+            if len(said) == 3:
+                write(right - 0.178, height, said[0], ha='right', fontsize=9.5)
+                right_soft(right, height, ' – '.join(said[1:]), fontsize=6.5)
             else:
-                panel.text(right, height, ', '.join([
-                    curves.power_law_note(axis, term.key) or 'not observable', *said]), ha='right',
-                    va='center', fontsize=7, color=soft)
-    for row, name in enumerate(axes):
-        colour = COLOURS[name[-1]]
-        panel.plot([0.012], [2.3 - 0.9 * row], MARKERS[name[-1]], color=colour, markersize=5)
-        panel.text(0.035, 2.3 - 0.9 * row, name[-1], color=colour, va='center', fontsize=9.5,
-                   fontweight='bold')
+                right_soft(right, height, ', '.join([
+                    curves.power_law_note(axis, term.key) or 'not observable', *said]), fontsize=7)
 
 
 def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
