@@ -8,7 +8,7 @@ There are five sets of filter numbers. Their performance in another recording co
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
@@ -16,9 +16,9 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.field_test import FieldTest
-from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
+from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.kalman import unaided_variance
-from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
+from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import of_sensor
@@ -31,43 +31,29 @@ from rich.text import Text
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 
 
-class Choice(NamedTuple):
-    """
-    One set of numbers for a filter.
-
-    Attributes
-    ----------
-    name : str
-    tuning : FilterTuning or None
-        The tuning; None for the full drift model, whose numbers do not fit in a row.
-    coast_sigma : float
-        Standard deviation that the filter predicts for the mean over the longest unaided time.
-    bound : bool
-        Whether K is an upper bound.
-
-    """
-
-    name: str
-    tuning: FilterTuning | None
-    coast_sigma: float
-    bound: bool = False
-
-
 def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
-            ) -> list[Choice]:
-    """Return the sets of numbers for a filter, with the expected performance of each."""
-    found = [(TUNED, tune(axis, aiding_s, coast_s, bias), False),
-             ('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True), False)]
+            ) -> list[dict[str, Any]]:
+    """
+    Return the sets of numbers for a filter, with the expected performance of each, as for JSON.
+
+    ``coast_sigma`` is the standard deviation that the filter predicts for the mean over the
+    longest unaided time. The numbers of the full drift model do not fit in a row.
+    """
+    found = {TUNED: tune(axis, aiding_s, coast_s, bias),
+             'conservative': tune(axis, aiding_s, coast_s, bias, conservative=True)}
     density, random_walk = (
         coefficient.value if (coefficient := axis.coefficients[key]).observable
         else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
     if density and random_walk:
-        bound = not axis.coefficients['rate_random_walk'].observable
-        found += [(name, assess(axis, density, factor * random_walk, aiding_s, coast_s), bound)
-                  for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))]
+        found |= {name: assess(axis, density, factor * random_walk, aiding_s, coast_s)
+                  for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))}
     of_model = float(np.sqrt(unaided_variance(axis, aiding_s, np.array([coast_s]))[0]))
-    return [*(Choice(name, tuning, tuning.consistency[-1][2], bound)
-              for name, tuning, bound in found), Choice(FULL, None, of_model)]
+    return [*({'numbers': name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
+               'coast_sigma': tuning.consistency[-1][2],
+               **{key: value for key, value in asdict(tuning).items()
+                  if key not in ('aiding_interval_s', 'coast_s')}}
+              for name, tuning in found.items()),
+            {'numbers': FULL, 'nis': 1.0, 'coast_ratio': 1.0, 'coast_sigma': of_model}]
 
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
@@ -89,8 +75,10 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         parts.append(Text(f'\n{title}: filter N {noise}, {second[1]}, predicted {axis.unit}'))
         table = bare_table('', 'numbers', 'filter N', second[0], 'NIS', 'error', 'predicted')
         for name, axis in axes.items():
-            for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
-                table.add_row(name[-1] if i == 0 else '', *_cells(choice, bias))
+            bound = not axis.coefficients['rate_random_walk'].observable
+            for choice in choices(axis, aiding_s, coast_s, bias):
+                table.add_row(name[-1] if choice['numbers'] == TUNED else '', *_cells(
+                    choice, bias, bound=bound and choice['numbers'] in (MEASURED, TENFOLD)))
         parts.append(table)
     parts.append(Text(
         f'NIS: mean squared innovation over what the filter predicts; error: squared error after '
@@ -104,18 +92,17 @@ def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult
     return {title: own for sensor, title in SENSORS.items() if (own := of_sensor(axes, sensor))}
 
 
-def _cells(choice: Choice, bias: Bias) -> list[str]:
-    tuning = choice.tuning
-    predicted = number(choice.coast_sigma, 3)
-    if tuning is None:
+def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
+    predicted = number(choice['coast_sigma'], 3)
+    if choice['numbers'] == FULL:
         return ['full model', '', '', '1', '1', predicted]
-    if tuning.random_walk is not None:
-        second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if choice.bound else '')
-                  + number(tuning.random_walk, 3))
+    if choice['random_walk'] is None:
+        second = f'{number(choice["sigma"], 3)}, {duration(choice["correlation_time_s"])}'
     else:
-        second = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
-    return [choice.name, number(tuning.noise_density, 3), second, f'{tuning.nis:.3g}',
-            f'{tuning.coast_ratio:.3g}', predicted]
+        second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if bound else '')
+                  + number(choice['random_walk'], 3))
+    return [choice['numbers'], number(choice['noise_density'], 3), second,
+            f'{choice["nis"]:.3g}', f'{choice["coast_ratio"]:.3g}', predicted]
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
@@ -175,18 +162,15 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
         if forecast.position is not None:
             rows = [('velocity, m/s', forecast.integral, 1.0),
                     ('position, m', forecast.position, 1.0)]
+        known_s = forecast.known_to_s * (1 + 1e-6)
         for i, (what, values, factor) in enumerate(rows):
             shown = [number(float(f'{value * factor:.2g}')) for value in values]
             table.add_row(spoken(name) if i == 0 else '', what, *(
-                text if _is_known(forecast, horizon) else f'({text})'
+                text if max(horizon, calibration_s) <= known_s else f'({text})'
                 for horizon, text in zip(FORECAST_S, shown, strict=True)))
     return Group(
         Text('Unaided drift, one standard deviation, the bias averaged '
              f'over {duration(calibration_s)} before:'), table)
-
-
-def _is_known(forecast: DriftForecast, horizon: float) -> bool:
-    return max(horizon, forecast.calibration_s) <= forecast.known_to_s * (1 + 1e-6)
 
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'
@@ -230,22 +214,11 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'r
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
                     calibration_s: float = 60.0) -> dict[str, Any]:
     """Return the content of the tables as plain data."""
-    axes = {name: {'choices': [*map(_plain, choices(axis, aiding_s, coast_s, bias))],
+    axes = {name: {'choices': choices(axis, aiding_s, coast_s, bias),
                    'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
             for name, axis in known_axes(result).items()}
     return {'schema': 'imu_allan.tuning/1', 'aiding_interval_s': aiding_s, 'coast_s': coast_s,
             'bias': bias, 'axes': axes}
-
-
-def _plain(choice: Choice) -> dict[str, Any]:
-    tuning = choice.tuning
-    if tuning is None:
-        return {'numbers': choice.name, 'nis': 1.0, 'coast_ratio': 1.0,
-                'coast_sigma': choice.coast_sigma}
-    return {'numbers': choice.name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
-            'coast_sigma': choice.coast_sigma, **{name: getattr(tuning, name) for name in (
-                'noise_density', 'random_walk', 'sigma', 'correlation_time_s', 'consistency',
-                'known_from_s', 'known_to_s')}}
 
 
 def field_test_document(found: Mapping[str, FieldTest], bias: Bias = 'random_walk'

@@ -13,23 +13,25 @@ from imu_allan.writers.words import trend_notes, why_left_out
 def provenance(numbers: Numbers) -> list[str]:
     """Return lines on the origin of the numbers and their expected performance."""
     source, timeline = numbers.result.source, numbers.result.timeline
+    lines = [f'IMU noise for {numbers.consumer.title}, by imu_allan '
+             f'{printable(numbers.result.imu_allan_version)} from']
     if numbers.of_datasheet:
-        return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
-                f'{printable(numbers.result.imu_allan_version)} from',
-                f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
-                'sensors as mounted are often worse.', *_of_flicker(numbers), *_inflated(numbers),
-                *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
-    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
-    parts = [printable(source.path) if source.path else '',
-             f'topic {printable(source.topic)}' if source.topic else '',
-             f'frame {printable(source.frame_id)}' if source.frame_id else '',
-             f'of {printable(source.start_time)}' if source.start_time else '',
-             f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
-    expected = _consistency(numbers)
-    return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
-            f'{printable(numbers.result.imu_allan_version)} from',
-            ', '.join(part for part in parts if part), *_choice(numbers, bool(expected)),
-            *expected, *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
+        lines += [f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
+                  'sensors as mounted are often worse.']
+        if numbers.k_of_flicker:
+            lines += ['It has no K: filter K is as large as the flicker, 0.664 B, after '
+                      f'{duration(numbers.coast_s)} unaided.']
+        lines += _inflated(numbers)
+    else:
+        rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
+        known = [text.format(printable(value)) for text, value in (
+            ('{}', source.path), ('topic {}', source.topic), ('frame {}', source.frame_id),
+            ('of {}', source.start_time)) if value]
+        expected = _consistency(numbers)
+        lines += [', '.join([*known, f'{timeline.samples} samples{rate} over '
+                                     f'{timeline.duration_s:.6g} s']),
+                  *_choice(numbers, bool(expected)), *expected]
+    return [*lines, *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
 
 
 def _choice(numbers: Numbers, expected: bool) -> list[str]:
@@ -81,12 +83,6 @@ def _left_out(numbers: Numbers) -> list[str]:
     each = ', '.join(f'{name} {law}' for name, law in laws.items())
     instead = '; tuned numbers have it in them' if numbers.options.as_measured else ''
     return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
-
-
-def _of_flicker(numbers: Numbers) -> list[str]:
-    """Say which random walk stands where a datasheet has none."""
-    return ['It has no K: filter K is as large as the flicker, 0.664 B, after '
-            f'{duration(numbers.coast_s)} unaided.'] if numbers.k_of_flicker else []
 
 
 def _inflated(numbers: Numbers) -> list[str]:
