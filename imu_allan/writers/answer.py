@@ -16,7 +16,7 @@ from imu_allan import wording
 from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.result import AxisResult, Coefficient, Interval, Result
+from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
@@ -117,30 +117,23 @@ def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuni
 
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult], coast_s: float) -> tuple[str, str]:
-    """Format the integrated drift of the worst axis, and its interval."""
+    """Format angle or position of the worst axis, and its interval, in a unit that gives 1."""
     found = []
     for axis in axes.values():
         with suppress(ImuAllanError):
-            found.append(predicted_drift(axis, (coast_s,), CALIBRATION_S))
+            drift = predicted_drift(axis, (coast_s,), CALIBRATION_S)
+            if sensor == 'gyro':
+                found.append((drift.integral[0], drift.integral_ci95[0]))
+            elif drift.position is not None and drift.position_ci95 is not None:
+                found.append((drift.position[0], drift.position_ci95[0]))
     if not found:
         return '', ''
-    if sensor == 'gyro':
-        angle = max(found, key=lambda drift: drift.integral[0])
-        degrees = (('deg', 180 / pi),)
-        return _with_unit(angle.integral[0], angle.integral_ci95[0], degrees)
-    place = max(found, key=lambda drift: drift.position or (0.0,))
-    if place.position is None or place.position_ci95 is None:
-        return '', ''
-    return _with_unit(place.position[0], place.position_ci95[0],
-                      (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
-
-
-def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]
-               ) -> tuple[str, str]:
-    """Format a standard deviation and its interval in the largest unit that gives 1 or more."""
-    unit, factor = next((pair for pair in units if float(wording.number(value * pair[1], 2)) >= 1),
-                        units[-1])
-    text, low, high = (wording.rounded(factor * v, 2) for v in (value, *interval))
+    value, interval = max(found)
+    units = {'deg': 180 / pi} if sensor == 'gyro' else {
+        'km': 1e-3, 'm': 1.0, 'cm': 100.0, 'mm': 1000.0}
+    unit = next((unit for unit, factor in units.items()
+                 if float(wording.number(value * factor, 2)) >= 1), [*units][-1])
+    text, low, high = (wording.rounded(units[unit] * v, 2) for v in (value, *interval))
     known = interval[1] <= VAGUE**2 * interval[0]
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
 
@@ -212,17 +205,16 @@ def longer_recording_note(result: Result) -> str:
     """State what a longer recording would bring, by the Fisher information of the fitted model."""
     halves = [c.ci_halves_in_s for axis in result.axes.values()
               for c in axis.coefficients.values() if c.ci_halves_in_s]
-    waiting: dict[str, list[tuple[float, str]]] = {}
+    first: dict[str, tuple[float, str]] = {}
     for name, axis in result.axes.items():
-        for coefficient in axis.coefficients.values():
-            if coefficient.observable_in_s:
-                waiting.setdefault(coefficient.symbol, []).append(
-                    (coefficient.observable_in_s, name))
+        for c in axis.coefficients.values():
+            if c.observable_in_s:
+                wait = c.observable_in_s, name
+                first[c.symbol] = min(first.get(c.symbol, wait), wait)
     parts = []
     if halves:
         parts.append(f'all intervals half as wide after another {wording.about(max(halves))}')
-    if waiting:
-        first = {symbol: min(times) for symbol, times in waiting.items()}
+    if first:
         parts.append(wording.listed([
             f'{symbol} of {wording.named([name])} after {wording.about(wait)}'
             for symbol, (wait, name) in first.items()]) + ' at the earliest')

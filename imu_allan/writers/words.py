@@ -228,9 +228,9 @@ def _grouped(findings: Sequence[Finding]) -> list[Finding]:
     groups: dict[object, list[Finding]] = {}
     for found in findings:
         key: object = len(groups)
-        if len(found.axes) == 1 and found.values is not None:
+        if len(found.axes) == 1:
             key = (found.code, found.severity, *(
-                (name, value if not _is_number(value) else None, _is_number(value))
+                (name, ... if _is_number(value) else value)
                 for name, value in sorted(found.values.items())))
         same = groups.setdefault(repr(key), [])
         if any(one.axes == found.axes for one in same):

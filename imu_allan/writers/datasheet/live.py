@@ -102,19 +102,16 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, limited: i
     # passes only if its bad term passes.
     decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
                       pass_error=0.05, fail_error=0.05 / limited)
-    return _worded(verdict, decision, margin, recorded_s), decision != 'open'
-
-
-def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: float) -> Verdict:
     if decision == 'open':
-        return _open(verdict)
+        return _open(verdict), False
     after = f'after {duration(recorded_s)}'
     said: dict[Decision, tuple[Outcome, str]] = {
         'below': ('pass', f'below {verdict.specified}, certain {after}'),
         'above': ('fail', f'above {verdict.specified}, certain {after}'),
         'near': ('cannot tell', f'within {100 * margin:.0f} % of {verdict.specified} {after}')}
     outcome, reason = said[decision]
-    return replace(verdict, verdict=outcome, reason=f'{verdict.axis} {verdict.symbol}: {reason}')
+    return replace(verdict, verdict=outcome,
+                   reason=f'{verdict.axis} {verdict.symbol}: {reason}'), True
 
 
 def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
