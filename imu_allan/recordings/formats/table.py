@@ -85,8 +85,7 @@ def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
 
 def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
     """Return the first required field that is missing or not numeric; None if all are there."""
-    needed = [*others, *sorted(fields.numbers() - {
-        path for stamp in fields.stamps for path in stamp.paths})]
+    needed = [*others, *sorted(fields.needed())]
     if _stamp(layout, fields) is None:
         needed.append(fields.stamps[-1].path)
     shapes = {name: kind.shape for name, (kind, *_) in (layout.fields or {}).items()

@@ -24,7 +24,7 @@ from imu_allan.cdr import (
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields
-from imu_allan.recordings.messages.layouts import RecordLayout, RecordLayouts
+from imu_allan.recordings.messages.layouts import RecordLayouts
 import numpy as np
 from numpy.typing import NDArray
 
@@ -131,14 +131,19 @@ class FieldsDecoder:
         by_size: dict[int, list[int]] = {}
         for number, batch in enumerate(batches):
             by_size.setdefault(batch.rows.shape[1], []).append(number)
+        stamps = self._fields.stamps
+        if self._clock is not None:
+            stamps = (stamps[self._clock],)
         decoded: list[Columns] = []
         for numbers in by_size.values():
             rows = _joined([batches[number].rows for number in numbers])
             receive_ns = _joined([batches[number].receive_ns for number in numbers])
             index = _joined([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
             for which, layout in self._layouts.groups(rows, on_malformed):
-                part = self._extract(rows[which], receive_ns[which], layout, on_malformed)
-                frames = frames_of(rows[which], layout.frame_id, self._frames)
+                same = rows[which]
+                part = extract(self._fields, stamps, same.view(layout.record)[:, 0],
+                               receive_ns[which], on_malformed)
+                frames = frames_of(same, layout.frame_id, self._frames)
                 of = part.get('message', slice(None))
                 part['frames'], part['message'] = frames[of], index[which][of]
                 decoded.append(part)
@@ -147,12 +152,6 @@ class FieldsDecoder:
         order = np.argsort(np.concatenate([part['message'] for part in decoded]), kind='stable')
         return {name: np.concatenate([part[name] for part in decoded])[order]
                 for name in decoded[0]}
-
-    def _extract(self, rows: NDArray[np.uint8], receive_ns: Ints,
-                 layout: RecordLayout, on_malformed: OnMalformed) -> Columns:
-        stamps = self._fields.stamps
-        return extract(self._fields, stamps if self._clock is None else [stamps[self._clock]],
-                       rows.view(layout.record)[:, 0], receive_ns, on_malformed)
 
     # ------------------------------------------------------------------------------------- clock
 

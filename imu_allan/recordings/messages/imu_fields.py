@@ -131,15 +131,15 @@ class ImuFields:
             if vector is not None:
                 yield first, vector
 
+    def needed(self) -> set[str]:
+        """Return the paths of the numbers that make up the samples; in a burst some are arrays."""
+        found = {path for _, vector in self.vectors() for path in (
+            *vector.paths, vector.scale, vector.per, vector.covariance) if path}
+        return found | ({self.burst.samples, self.burst.step_us} if self.burst else set())
+
     def numbers(self) -> set[str]:
-        """Return the paths of all numbers that are read; in a burst some are arrays."""
-        found = {path for stamp in self.stamps for path in stamp.paths}
-        for _, vector in self.vectors():
-            found |= {*vector.paths, vector.scale or '', vector.per or '',
-                      vector.covariance or ''}
-        if self.burst is not None:
-            found |= {self.burst.samples, self.burst.step_us}
-        return found - {''}
+        """Return the paths of all numbers that are read."""
+        return self.needed() | {path for stamp in self.stamps for path in stamp.paths}
 
     def paths(self) -> set[str]:
         """Return the paths of all fields that are read, without array indices."""

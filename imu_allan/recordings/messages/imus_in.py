@@ -197,11 +197,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
             return False
         return True
 
-    needed = {path for _, vector in fields.vectors()
-              for path in (*vector.paths, vector.scale, vector.per) if path}
-    if fields.burst is not None:
-        needed |= {fields.burst.samples, fields.burst.step_us}
-    for path in sorted(needed):
+    for path in sorted(fields.needed()):
         if not has(path):
             raise NotRead(f'{shown(kind)} has no field {split_path(path)[0]} in the definition '
                           'that comes with it; name the fields with --gyro and --accel')
