@@ -7,7 +7,6 @@ Comments may precede the header line. Without one, the user has to say what the 
 recognized names are listed in `imu_allan.recordings.formats.csv_header`.
 """
 
-from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -156,8 +155,8 @@ class CsvRecording(FileRecording):
 
     # ----------------------------------------------------------------------- what the columns are
 
-    def _found_header(self, file: BinaryIO) -> tuple[str, bool]:
-        """Find the line of names, and whether a byte order mark precedes it; stop after it."""
+    def _found_header(self, file: BinaryIO) -> str:
+        """Find the line of names, and stop after it."""
         # Up to 100 lines stand before the samples, such as those of a device that starts.
         lines: list[_Line] = []
         samples: _Line | None = None
@@ -190,15 +189,14 @@ class CsvRecording(FileRecording):
         if samples is not None and not any(like_names(best)):
             best = samples
         file.seek(best.at)
-        line = file.readline(_LONGEST_LINE)
         self._data_at, self._first_line = best.at, best.number
-        return _decoded(line), line.startswith(BOM_UTF8)
+        return _decoded(file.readline(_LONGEST_LINE))
 
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
         options = self.options
         with self._stored.open('rb') as file:
-            header, has_mark = self._found_header(file)
+            header = self._found_header(file)
             behind = file.tell()
             # Enough to see decimal commas, as the first numbers may all be zero.
             after = file.read(1 << 16) + file.readline(_LONGEST_LINE)
@@ -223,13 +221,11 @@ class CsvRecording(FileRecording):
             self._first_line += 1
         if columns.headless:
             rows = self._rows(header, delimiter) + rows
-            if has_mark:
-                self._data_at += len(BOM_UTF8)
         else:
             self._data_at, self._first_line = behind, self._first_line + 1
             _refuse_more_fields_than_names(names, rows)
         dates = [_cells(each, delimiter) for each in text.split('\n')] if self._dated else []
-        dated = [column for column in range(len(names) if dates else 0)
+        dated = [column for column in range(len(names))
                  if any(map(_DATE.match, _column(dates, column)))]
         if columns.clock is None and options.rate_hz is None and dated:
             # A column of dates needs no name; pandas gives its index none.
