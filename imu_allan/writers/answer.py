@@ -7,7 +7,7 @@ They refer to the worst axis, and include what a longer recording would improve.
 and demo all take them from here, so that they agree.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
@@ -48,7 +48,7 @@ class KeyFigures:
         without even a bound are omitted.
     tunings : mapping of axis name to FilterTuning
         For a filter that is corrected every `aiding_s` and unaided for at most `coast_s`.
-    for_filter : tuple of (str, str, str)
+    for_filter : tuple of (str, float, str)
         Symbol, number and SI unit of N and K for such a filter with one bias state. Each is the
         largest of all axes; empty if no axis can be tuned.
     forecast : str
@@ -66,7 +66,7 @@ class KeyFigures:
     constant: bool
     worst: Mapping[str, tuple[str, Coefficient]]
     tunings: Mapping[str, FilterTuning]
-    for_filter: tuple[tuple[str, str, str], ...]
+    for_filter: tuple[tuple[str, float, str], ...]
     forecast: str
     forecast_interval: str
     extrapolated: bool
@@ -90,7 +90,7 @@ def key_figures(result: Result, aiding_s: float = AIDING_S, coast_s: float = COA
             {key: (worst[-1], axes[worst].coefficients[key])
              for key in ('noise_density', 'rate_random_walk')
              for worst in [worst_of(axes, key)] if worst is not None},
-            tunings, _for_filter(axes, tunings), *_forecast(sensor, known, coast_s), any(
+            tunings, _for_filter(axes, tunings.values()), *_forecast(sensor, known, coast_s), any(
                 axis.drift_model is not None and axis.drift_model.to_s * (1 + 1e-6) < coast_s
                 for axis in known.values())))
     return found
@@ -105,15 +105,13 @@ def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
     return max(values, key=values.__getitem__, default=None)
 
 
-def _for_filter(axes: Mapping[str, AxisResult], tunings: Mapping[str, FilterTuning]
-                ) -> tuple[tuple[str, str, str], ...]:
-    if not tunings:
-        return ()
+def _for_filter(axes: Mapping[str, AxisResult], tunings: Collection[FilterTuning]
+                ) -> tuple[tuple[str, float, str], ...]:
+    numbers = {'noise_density': [tuning.noise_density for tuning in tunings],
+               'rate_random_walk': [tuning.random_walk or 0.0 for tuning in tunings]}
     coefficients = next(iter(axes.values())).coefficients
-    return tuple((coefficients[key].symbol, f'{largest:#.3g}', coefficients[key].unit)
-                 for key, largest in (
-                     ('noise_density', max(t.noise_density for t in tunings.values())),
-                     ('rate_random_walk', max(t.random_walk or 0.0 for t in tunings.values()))))
+    return tuple((coefficients[key].symbol, max(each), coefficients[key].unit)
+                 for key, each in numbers.items() if each)
 
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult], coast_s: float) -> tuple[str, str]:
@@ -148,7 +146,7 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
                      f'{wording.duration(coast_s)} unaided (imu_allan export)')
     for figures in found:
         if figures.for_filter:
-            pair = [f'filter {symbol} {number} {unit}'
+            pair = [f'filter {symbol} {number:#.3g} {unit}'
                     for symbol, number, unit in figures.for_filter]
             beside = f'  {figures.sensor:<5}  {"  ".join(pair)}'
             lines += [beside] if len(beside) <= width else [

@@ -119,11 +119,9 @@ def _cells(result: Result, figures: answer.KeyFigures, units: Units, *, verbose:
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
     from rich.text import Text
 
-    axes, tunings = axes_of(result, figures.sensor), figures.tunings.values()
+    axes = axes_of(result, figures.sensor)
     quantity, si, rows = AXES[next(iter(axes))], units == 'si', []
-    filters = {'N': max(tuning.noise_density for tuning in tunings),
-               'K': max(tuning.random_walk or 0.0 for tuning in tunings)
-               } if tuned and tunings else {}
+    filters = {symbol: value for symbol, value, _ in figures.for_filter if tuned}
     for term in TERMS.values():
         cells = [axis.coefficients[term.key] for axis in axes.values()]
         seen = any(cell.observable for cell in cells)
