@@ -10,7 +10,7 @@ of a report take 0.06 s of CPU time; matplotlib takes 0.6 s for the barest, and 
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from html import escape
 from itertools import product
@@ -145,8 +145,7 @@ class Panel:
     second: str
     clip: str
 
-    @contextmanager
-    def framed(self, *, x_labels: bool = True, most_y: int = 8) -> Iterator[None]:
+    def framed(self, *, x_labels: bool = True, most_y: int = 8) -> AbstractContextManager[None]:
         """Draw grid, ticks, titles and frame, and clip what is drawn within the context."""
         left, top, right, bottom = self.box
         text, line = self.drawing.text, self.drawing.line
@@ -171,15 +170,16 @@ class Panel:
                 line('tickmark', right, at, right + 5, at)
                 text(right + 9, at + FONT * 0.35, label, 'tick')
             text(right + 50, top - 9, self.second, 'title', 'end')
-        self.drawing.parts.append(
+        return self._within(
             f'<rect class="frame" {_place(*self.box)}/><g clip-path="url(#{self.clip})">')
-        yield
-        self.drawing.parts.append('</g>')
+
+    def group(self, name: str, kind: str) -> AbstractContextManager[None]:
+        """Group what is drawn within the context, which is shown and hidden together."""
+        return self._within(f'<g class="{kind}" data-group="{escape(name)}">')
 
     @contextmanager
-    def group(self, name: str, kind: str) -> Iterator[None]:
-        """Group what is drawn within the context, which is shown and hidden together."""
-        self.drawing.parts.append(f'<g class="{kind}" data-group="{escape(name)}">')
+    def _within(self, opening: str) -> Iterator[None]:
+        self.drawing.parts.append(opening)
         yield
         self.drawing.parts.append('</g>')
 
