@@ -180,7 +180,8 @@ class ChunkedRecording(FileRecording):
             counts.update({number: count for number, (_, count) in part.indexes.items()})
             if not part.indexes or part.indexes.keys() - self._channels:
                 self._intact(file, part, frozenset(), limits, damage)
-        self._counts, self._counted = dict(counts), bool(counts)
+        if not self._counts:
+            self._counts, self._counted = dict(counts), bool(counts)
         if not self._channels and (reason := damage.summary()):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')

@@ -208,8 +208,9 @@ def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
     record = _record(file, part.start, part.stop)
     if record is None:
         raise DamagedData('no header')
-    return expanded(file, _text(record.fields, 'compression'), record.stop - record.start,
-                    _number(record.fields, 'size', 4), limits)
+    size = _number(record.fields, 'size', 4)
+    return expanded(file, _text(record.fields, 'compression'), record.stop - record.start, size,
+                    limits)
 
 
 def _indexed(file: BinaryIO, part: Part) -> tuple[Ints, Ints, Ints]:
