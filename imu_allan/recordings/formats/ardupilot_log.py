@@ -15,7 +15,6 @@ microseconds since start.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import replace
 import os
 from pathlib import Path
 import sys
@@ -23,7 +22,13 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import lacking, Records, TableLog, times_of
+from imu_allan.recordings.formats.table import (
+    has_temperature,
+    lacking,
+    Records,
+    TableLog,
+    times_of,
+)
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
@@ -35,7 +40,7 @@ _HEAD = 3    # bytes before each message: marker and type
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
 _SAMPLED = (Stamp('SampleUS', 1000), Stamp('TimeUS', 1000))
 _FIELDS = {
-    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', 1000),), what='as logged'),
+    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', 1000),), what='as logged', temperature='T'),
     'GYR': ImuFields(_GYRO, None, _SAMPLED, what='as logged'),
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged')}
 
@@ -49,11 +54,14 @@ class ArduPilotRecording(TableLog):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
         times: dict[str, list[Ints]] = {}
+        warm: set[str] = set()
         kinds = self._kinds()
         for base in _FIELDS:
             for name, records, _ in self._tables(kinds, base):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
-        thermometer = replace(_FIELDS['IMU'], temperature='T').thermometer()
+                if has_temperature(records.dtype, _FIELDS[base]):
+                    warm.add(name)
+        thermometer = _FIELDS['IMU'].thermometer()
         rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         imus = []
         for name, rate in rates.items():
@@ -63,7 +71,7 @@ class ArduPilotRecording(TableLog):
             # Only IMU messages hold a temperature, and even their lowest rate is high enough for
             # it.
             source = f'IMU{dot}{number}'
-            if source in rates:
+            if source in warm:
                 self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
                     'ArduPilot IMU', fields=thermometer), source))
         self.list_imus(imus, {'GYR': 'ACC'}, 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '

@@ -22,6 +22,7 @@ from struct import Struct
 from typing import Any
 
 from imu_allan.recordings.formats.table import (
+    has_temperature,
     lacking,
     Records,
     TableLog,
@@ -47,8 +48,8 @@ class UlogRecording(TableLog):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        # By topic: messages, samples, times of the first and the last, and field names.
-        seen: dict[str, tuple[int, int, int, int, tuple[str, ...]]] = {}
+        # By topic: messages, samples, times of the first and the last, and layout.
+        seen: dict[str, tuple[int, int, int, int, np.dtype[Any]]] = {}
         reader = _LogReader(set(_TYPES))
         for name, records, _ in self._tables(reader):
             fields = KNOWN[_type_of(name)]
@@ -56,8 +57,7 @@ class UlogRecording(TableLog):
             messages, samples, first, *_ = seen.get(name, (0, 0, int(times[0])))
             samples += len(records) if fields.burst is None else int(
                 records[fields.burst.samples].astype(np.int64).sum())
-            seen[name] = (messages + len(records), samples, first, int(times[-1]),
-                          records.dtype.names or ())
+            seen[name] = messages + len(records), samples, first, int(times[-1]), records.dtype
         for name, reason in reader.reasons.items():
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
@@ -68,12 +68,12 @@ class UlogRecording(TableLog):
             self.remark('truncated_recording', fault='log', bytes=reader.left,
                         lost_share=reader.left / self.size_bytes)
         imus = []
-        for name, (messages, samples, first, last, names) in seen.items():
+        for name, (messages, samples, first, last, layout) in seen.items():
             fields = KNOWN[_type_of(name)]
             imu = ImuTopic(name, messages, ImuMessages(
                 _type_of(name), factors=options.factors, fields=replace(
                     fields, what='as logged',
-                    temperature=fields.temperature if fields.temperature in names else None)))
+                    temperature=fields.temperature if has_temperature(layout, fields) else None)))
             imus.append((imu, (samples - 1) * 1e9 / (last - first) if last > first else 0.0))
             self.list_own_thermometer(imu)
         # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.

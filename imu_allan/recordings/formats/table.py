@@ -98,6 +98,12 @@ def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | Non
                  or shapes[name] != (length if name in bursts else ())), None)
 
 
+def has_temperature(layout: np.dtype[Any], fields: ImuFields) -> bool:
+    """Return whether records hold the temperature, as a number."""
+    thermometer = fields.thermometer()
+    return thermometer is not None and lacking(layout, thermometer) is None
+
+
 def _stamp(layout: np.dtype[Any], fields: ImuFields) -> Stamp | None:
     return next((stamp for stamp in fields.stamps if stamp.path in (layout.names or ())), None)
 

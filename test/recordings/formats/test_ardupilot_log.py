@@ -90,6 +90,16 @@ def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_pat
     assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
 
 
+@pytest.mark.parametrize(('field', 'kind'), [(b'Q', b'f'), (b'T', b'n')])
+def test_a_log_without_a_temperature_or_with_one_in_words_has_none(tmp_path, field, kind):
+    path = write(tmp_path / 'a.bin', imu())
+    path.write_bytes(path.read_bytes().replace(b'EA,T,', b'EA,' + field + b',').replace(
+        b'QBffffffIIf', b'QBffffffII' + kind))
+    with open_recording(path) as recording:
+        assert [topic.name for topic in recording.topics] == ['IMU']
+        assert recording.thermometers == []
+
+
 def test_a_thin_log_says_what_to_set(tmp_path, fails_with):
     path = write(tmp_path / 'a.bin', imu(step_us=100_000))
     fails_with(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds IMU (ArduPilot IMU); 10 '
