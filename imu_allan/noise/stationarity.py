@@ -106,17 +106,14 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
         used -= 1  # less than half a segment is too short
     if used < 3:
         return None
-    cell, series = periodogram.cell, periodogram.series
-    table = _Table(segments.axes, used)
+    power, dof = _no_powers(segments.axes, used)
     seen = np.arange(segments.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
-    table.power[:, :, seen], table.dof[:, seen] = segments.power[:, :used], segments.dof[:used]
-    parts = []
-    for number in range(used):
-        parts.append(part_cells(periodogram, number, number + 1))
-        # Add the frequencies below those of the blocks.
-        for section in whole_sections(parts[-1], cell, min(HIGHEST_OF_MEANS, cell / 2**OCTAVES)):
-            table.add(number, section)
-    return table.powers(series, cell, parts)
+    power[:, :, seen], dof[:, seen] = segments.power[:, :used], segments.dof[:used]
+    parts = [part_cells(periodogram, number, number + 1) for number in range(used)]
+    # Add the frequencies below those of the blocks.
+    top = min(HIGHEST_OF_MEANS, periodogram.cell / 2**OCTAVES)
+    return _powers(periodogram, power, dof, [
+        (cells, whole_sections(cells, periodogram.cell, top)) for cells in parts])
 
 
 def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
@@ -133,50 +130,45 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
         return None
     ends = np.linspace(0, len(series), count + 1).astype(np.int64)
     parts = [series.take(slice(first, last)) for first, last in pairwise(ends.tolist())]
-    table = _Table(periodogram.axes, count)
-    for number, cells in enumerate(parts):
-        # Split at gaps: interpolated samples are no noise, and their number differs by part.
-        whole = cells.counts == cell
-        breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
-        for points in np.split(cells.means, breaks, axis=1):
-            # For white noise, all coefficients are equally good, however short the part.
-            table.add(number, whole_section(points, cell, 0.5 if cell == 1 else HIGHEST_OF_MEANS))
-    return table.powers(series, cell, parts) if table.dof.any() else None
+    # For white noise, all coefficients are equally good, however short the part.
+    top = 0.5 if cell == 1 else HIGHEST_OF_MEANS
+    # Split at gaps: interpolated samples are no noise, and their number differs by part.
+    found = _powers(periodogram, *_no_powers(periodogram.axes, count), [
+        (cells, [whole_section(run.means, cell, top)
+                 for run in cells.take(cells.counts == cell).split()]) for cells in parts])
+    return found if found.dof.any() else None
 
 
-class _Table:
-    """Sums of power and degrees of freedom, by part of a record and by band."""
+def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
+    """Return zeros for sums of power and degrees of freedom, by part of a record and by band."""
+    bands = _DEPTH * PER_OCTAVE
+    return np.zeros((axes, parts, bands)), np.zeros((parts, bands))
 
-    def __init__(self, axes: int, parts: int) -> None:
-        bands = _DEPTH * PER_OCTAVE
-        self.power, self.dof = np.zeros((axes, parts, bands)), np.zeros((parts, bands))
 
-    def add(self, part: int, section: SpectrumSection) -> None:
-        """Add the power of a section."""
-        # Coefficients 1 and 2 hold the trend of a segment, not its noise.
-        index = np.arange(3, section.last)
-        if not len(index):
-            return
-        band = np.floor(PER_OCTAVE * (
-            np.log2(index / (2 * section.length * section.step)) + _DEPTH)).astype(np.int64)
-        for axis, row in enumerate(section.power[:, index]):
-            self.power[axis, part] += np.bincount(band, row, self.dof.shape[1])
-        self.dof[part] += np.bincount(band, minlength=self.dof.shape[1])
-
-    def powers(self, series: Cells, cell: int, parts: Sequence[Cells]) -> SegmentPowers:
-        """Return the mean powers in the table, with the means and the drift of the parts."""
-        seen = np.flatnonzero(self.dof.sum(axis=0))
-        dof = self.dof[:, seen]
-        places = end_to_end(series.keys) * float(cell)
-        start = [places[np.searchsorted(series.keys, cells.keys[0])] if len(cells) else 0.0
-                 for cells in parts]
-        duration, mean, drift, drift_samples = (
-            list(column) for column in zip(*map(_part_means, parts), strict=True))
-        return SegmentPowers(
-            2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH),
-            self.power[:, :, seen] / np.maximum(dof, 1), dof, np.array(duration),
-            np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
-            np.array(drift_samples))
+def _powers(periodogram: Periodogram, power: Array, dof: Array,
+            parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
+    """Return mean powers, and means and drift of parts; their sections are added to the sums."""
+    for part, (_, sections) in enumerate(parts):
+        for section in sections:
+            # Coefficients 1 and 2 hold the trend of a segment, not its noise.
+            index = np.arange(3, section.last)
+            band = np.floor(PER_OCTAVE * (
+                np.log2(index / (2 * section.length * section.step)) + _DEPTH)).astype(np.int64)
+            for axis, row in enumerate(section.power[:, index]):
+                power[axis, part] += np.bincount(band, row, dof.shape[1])
+            dof[part] += np.bincount(band, minlength=dof.shape[1])
+    seen = np.flatnonzero(dof.sum(axis=0))
+    dof = dof[:, seen]
+    keys = periodogram.series.keys
+    places = end_to_end(keys) * float(periodogram.cell)
+    start = [places[np.searchsorted(keys, cells.keys[0])] if len(cells) else 0.0
+             for cells, _ in parts]
+    duration, mean, drift, drift_samples = zip(
+        *(_part_means(cells) for cells, _ in parts), strict=True)
+    return SegmentPowers(
+        2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH), power[:, :, seen] / np.maximum(dof, 1), dof,
+        np.array(duration), np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
+        np.array(drift_samples))
 
 
 def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
@@ -201,18 +193,18 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     keep = np.asarray((powers.dof > 0).all(axis=0))
     for line in lines_hz:
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
-    power, dof = powers.power[axis], powers.dof
     level = powers.level(axis)
     if keep.any():
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
             # Bands above twice the level of the fastest octave hold drift, not white noise.
-            keep &= level < 2.0 * np.average(level[fastest],
-                                             weights=dof.sum(axis=0)[fastest])
+            keep &= level < 2.0 * np.average(
+                level[fastest], weights=powers.dof.sum(axis=0)[fastest])
         # A band of lower level lies behind a low-pass and holds only leakage.
         keep &= level > 0.1 * np.median(level[keep])
-    ratio = power / np.maximum(level, 1e-300)
-    half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
+    frequency, dof = frequency[keep], powers.dof[:, keep]
+    ratio = powers.power[axis][:, keep] / np.maximum(level[keep], 1e-300)
+    half = _by_band(np.floor(2 * np.log2(frequency)), ratio, dof, frequency)
     if half is None:
         return Steadiness(False, 1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
@@ -226,7 +218,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
     # Broad bands, for which findings report a change.
     edges = (0.0, 0.03, 0.3, 3.0, np.inf)
-    broad = _by_band(np.digitize(frequency, edges[1:-1]), ratio, dof, frequency, keep)
+    broad = _by_band(np.digitize(frequency, edges[1:-1]), ratio, dof, frequency)
     assert broad is not None
     at, centre, count = broad
     wide = _spread(at, count)
@@ -265,12 +257,12 @@ def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
     return np.sqrt(ratio), np.sqrt(1 / (2 * dof.sum(axis=1)))
 
 
-def _by_band(number: Ints, ratio: Array, dof: Array, frequency: Array,
-             keep: Bools) -> tuple[Array, Array, Array] | None:
+def _by_band(number: Array | Ints, ratio: Array, dof: Array, frequency: Array
+             ) -> tuple[Array, Array, Array] | None:
     """Average ratios over bands: ratio by segment and band, frequency, degrees of freedom."""
     found = []
-    for band in np.unique(number[keep]):
-        here = keep & (number == band)
+    for band in np.unique(number):
+        here = number == band
         count = dof[:, here].sum(axis=1)
         # Fewer degrees of freedom are not enough for the logarithm of the power of a band.
         if count.min() < 2 or count.mean() < 4:
