@@ -271,7 +271,7 @@ def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estima
     others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
                        source.record.duration_s)
     cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
-    if cycle is None or len(cycle.cycle.cosines) <= 2:
+    if cycle is None or len(cycle.cycle.sizes) <= 2:
         return None
     return replace(source, cycle=cycle).without_moving_mean(
         finished, replace(cycle.record, trends=()))

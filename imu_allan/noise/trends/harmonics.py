@@ -26,6 +26,7 @@ from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
+from numpy.typing import NDArray
 
 SIGNIFICANT = 13.8
 """Chi-square above which a harmonic of known frequency is significant, at 0.1 %."""
@@ -39,30 +40,25 @@ class Cycle:
 
     frequency_hz: float
     middle_s: float    # middle of the record, where phases are zero
-    # (harmonics,): amplitudes, in the unit of a sample
-    cosines: Array
-    sines: Array
-    # Estimated correction of the logarithm of the frequency, and its standard error
-    log_frequency_correction: float
-    error: float
-    # (bins,): leverage of each coefficient
-    leverage: Array
+    # (harmonics,): complex amplitudes, cosine less i times sine, in the unit of a sample
+    sizes: NDArray[np.complex128]
+    leverage: Array    # (bins,): of each coefficient
 
     def trend(self, time: Array) -> Array:
         """Return the cycle at given times."""
-        return self._sum(time, self.cosines, self.sines)
+        return self._sum(time, self.sizes)
 
     def log_frequency_derivative(self, time: Array) -> Array:
         """Return the derivative of the cycle by the logarithm of the frequency."""
-        order = np.arange(1, len(self.sines) + 1)
+        order = np.arange(1, len(self.sizes) + 1)
         return (2 * pi * self.frequency_hz * (time - self.middle_s)
-                * self._sum(time, order * self.sines, -order * self.cosines))
+                * self._sum(time, 1j * order * self.sizes))
 
-    def _sum(self, time: Array, cosines: Array, sines: Array) -> Array:
+    def _sum(self, time: Array, sizes: NDArray[np.complex128]) -> Array:
         turn = np.exp(2j * pi * self.frequency_hz * (time - self.middle_s))
         # Horner's scheme for a polynomial in `turn`, with one power for each harmonic.
         found = np.zeros(len(time), dtype=np.complex128)
-        for size in (cosines - 1j * sines)[::-1].tolist():
+        for size in sizes[::-1].tolist():
             found = (found + size) * turn
         return np.asarray(found.real)
 
@@ -78,31 +74,19 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     longest = 0.25 / (frequency_hz * record.duration_s)
     # Two or three steps usually suffice.
     for _ in range(8):
-        found = _cycle(record, variance, frequency_hz, harmonics)
+        part = _Slow(record, variance, frequency_hz, harmonics)
+        # Fit the amplitudes of harmonics, then the error of the frequency as well.
+        sizes, _, _ = part.regressed(part.waves)
+        cycle = Cycle(frequency_hz, part.middle_s, sizes[::2] - 1j * sizes[1::2], np.zeros(0))
+        sizes, errors, taken = part.regressed(
+            np.column_stack((part.waves, part.transformed([cycle.log_frequency_derivative]))))
         # A further step would not change anything of importance.
-        if abs(found.log_frequency_correction) < 0.02 * found.error:
+        if abs(sizes[-1]) < 0.02 * errors[-1]:
             break
-        frequency_hz *= float(np.exp(np.clip(found.log_frequency_correction, -longest, longest)))
-    return found
-
-
-def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
-    """Fit the amplitudes of harmonics, then the error of the frequency."""
-    part = _Slow(record, variance, frequency_hz, harmonics)
-    sizes, _, _ = part.regressed(part.waves)
-    plain = Cycle(frequency_hz, part.middle_s, sizes[::2], sizes[1::2], 0.0, 0.0, np.zeros(0))
-    sizes, errors, taken = part.regressed(
-        np.column_stack((part.waves, part.transformed([plain.log_frequency_derivative]))))
-    every = np.zeros(len(variance))
-    every[part.here] = taken
-    return replace(plain, cosines=sizes[:-1:2], sines=sizes[1:-1:2], leverage=every,
-                   log_frequency_correction=float(sizes[-1]), error=float(errors[-1]))
-
-
-def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
-    """Return the number of harmonics below the highest whole-record coefficient, at least one."""
-    highest = float(record.bins.frequency[record.bins.whole].max(initial=0.0))
-    return max(min(HARMONICS[-1], int(highest / frequency_hz)), 1)
+        frequency_hz *= float(np.exp(np.clip(sizes[-1], -longest, longest)))
+    leverage = np.zeros(len(variance))
+    leverage[part.here] = taken
+    return replace(cycle, sizes=sizes[:-1:2] - 1j * sizes[1:-1:2], leverage=leverage)
 
 
 def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
@@ -139,7 +123,9 @@ class _Slow:
     def __init__(self, record: RecordSpectrum, variance: Array, frequency_hz: float,
                  harmonics: int) -> None:
         bins, self._record = record.bins, record
-        harmonics = min(harmonics, most_harmonics(record, frequency_hz))
+        # At least one, and no more than lie below the highest coefficient of the whole record.
+        fastest = float(bins.frequency[bins.whole].max(initial=0.0))
+        harmonics = max(min(harmonics, int(fastest / frequency_hz)), 1)
         self.middle_s = record.duration_s / 2
         # Include side lobes: a quarter of the frequency of the highest harmonic, 64 coefficients.
         highest = 1.25 * harmonics * frequency_hz
@@ -164,6 +150,7 @@ class _Slow:
 
     def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
         """Regress on columns beside the known trends: sizes, standard errors and leverages."""
+        own = slice(self._known.shape[1], None)
         every = np.column_stack((self._known, self._root[:, None] * columns))
         gram = every.T @ every
         # Columns are zero in a record without slow coefficients.
@@ -171,8 +158,7 @@ class _Slow:
         half = np.linalg.inv(np.linalg.cholesky(
             gram / np.outer(scale, scale) + RIDGE * np.eye(len(gram)))) / scale
         # The last rows belong to `columns`, orthogonal to the known trends.
-        own = half[self._known.shape[1]:]
-        whitened = every @ own.T
-        sizes = own.T @ (whitened.T @ self._signal)
-        here = slice(self._known.shape[1], None)
-        return sizes[here], np.sqrt(np.sum(own[:, here]**2, axis=0)), np.sum(whitened**2, axis=1)
+        half = half[own]
+        whitened = every @ half.T
+        sizes = half.T @ (whitened.T @ self._signal)
+        return sizes[own], np.sqrt(np.sum(half[:, own]**2, axis=0)), np.sum(whitened**2, axis=1)

@@ -17,7 +17,8 @@ from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trends import AxisBank, Bank
-from imu_allan.noise.record.groups import QUANTIZATION, RANDOM_WALK
+from imu_allan.noise.record.bins import Bins
+from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
     Cycle,
     HARMONICS,
@@ -68,7 +69,7 @@ def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
     record = without_lines(whole, fast_hz)
     noise = _noise(record)
     frequency_hz = _likeliest(record, noise, bank)
-    variance = _variance(whole, noise)
+    variance = _expected(whole.bins, noise)
     # Continue only with harmonics that are unlikely by chance, or with an outlier.
     if (_chance(record, variance, frequency_hz) > 1e-3
             and not _has_outlier(record, noise)):
@@ -80,7 +81,7 @@ def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
     certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
-    left = _variance(whole, _noise(without(record, comb, variance)))
+    left = _expected(whole.bins, _noise(without(record, comb, variance)))
     if _chance(record, left, comb.frequency_hz) >= certain:
         return None
     found = _taken_out(whole, variance, frequency_hz)
@@ -96,7 +97,7 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
     """Remove the strongest cycle at frequencies of other axes, as a heater affects all axes."""
     if record.duration_s == 0 or not frequencies_hz:
         return None
-    variance = _variance(record, _noise(record))
+    variance = _expected(record.bins, _noise(record))
     ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
                               for hz in frequencies_hz)
     return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
@@ -106,7 +107,7 @@ def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSp
     """Remove lines from the coefficients of the whole record, where side lobes pass for trends."""
     slow = [hz for hz in lines_hz if hz < record.bins.frequency[record.bins.whole].max(initial=0)]
     if slow:
-        variance = _variance(record, _noise(record))
+        variance = _expected(record.bins, _noise(record))
         for hz in slow:
             record = without(record, refined(record, variance, hz, 1), variance)
     return record
@@ -121,9 +122,9 @@ def _noise(record: RecordSpectrum) -> Array:
     return maximise(below, fixed={QUANTIZATION: 0.0}, moving_mean=True, tolerance=1e-2).theta
 
 
-def _variance(record: RecordSpectrum, noise: Array) -> Array:
-    """Return the expected power of the noise in each bin."""
-    return np.asarray(np.maximum(record.bins.design @ noise, 1e-300))
+def _expected(spectrum: Bins | Groups, noise: Array) -> Array:
+    """Return the expected power of the noise in each bin or group."""
+    return np.asarray(np.maximum(spectrum.design @ noise, 1e-300))
 
 
 def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
@@ -133,16 +134,16 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
     It is at least the smoothed residual power, which the terms may not describe (after a filter).
     """
     noise, groups = _noise(calm), calm.groups()
-    expected = np.maximum(groups.design @ noise, 1e-300)
+    expected = _expected(groups, noise)
     ratio = np.maximum(smoothed(groups, groups.power, expected) / expected, 1.0)
-    return np.asarray(_variance(record, noise) * np.exp(np.interp(
+    return np.asarray(_expected(record.bins, noise) * np.exp(np.interp(
         np.log(record.bins.frequency), np.log(groups.frequency), np.log(ratio))))
 
 
 def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
     """Return whether a slow coefficient is an outlier of the fitted terms, or a line."""
     groups = record.groups()
-    expected = np.maximum(groups.design @ noise, 1e-300)
+    expected = _expected(groups, noise)
     ratio = about_mean(groups)(expected).noise / expected
     slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
     # A coefficient this unlikely by chance justifies a search for a cycle.
@@ -166,10 +167,10 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
         record.bins.frequency < _fastest(record))
     theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
-    lam = np.maximum(groups.design @ theta, 1e-300)
     axis = AxisBank(bank, replace(record, keep=keep))
     number = [kind.key for kind in bank.kinds].index('slow_cycle')
-    gains = axis.gains(axis.about(groups.frequency, lam, ()), number)[0]
+    expected = _expected(groups, theta)
+    gains = axis.gains(axis.about(groups.frequency, expected, ()), number)[0]
     return float(bank.grids[number][int(np.argmax(gains))])
 
 
@@ -186,7 +187,7 @@ def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> 
     for most in HARMONICS:
         every = refined(record, variance, frequency_hz, most)
         calm = without(record, every, variance)
-        frequency_hz, variance = every.frequency_hz, _variance(record, _noise(calm))
+        frequency_hz, variance = every.frequency_hz, _expected(record.bins, _noise(calm))
         there = harmonics_of(record, variance, frequency_hz, most)
         if there < most:
             break
