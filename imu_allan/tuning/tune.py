@@ -161,8 +161,12 @@ def _tune(axis: AxisResult, aiding_s: float, coast_s: float, time_s: float | Non
     # Factors on squared noise density: 3 % of N apart.
     excesses = 10 ** np.linspace(0, 1, 41)
     excess = excesses if conservative else excesses[:1]
-    filters = (_with_random_walk(s2, aiding_s, coast_s, excess) if bias == 'random_walk'
-               else _with_gauss_markov(s2, aiding_s, coast_s, excess[::3], time_s))
+    if bias == 'random_walk':
+        filters = _candidates(s2, aiding_s, coast_s, excess, np.array([np.inf]))
+    else:
+        # Correlation times from the aiding interval to ten times the longest unaided time.
+        filters = _candidates(s2, aiding_s, coast_s, excess[::3], np.array([time_s]) if time_s
+                              else np.geomspace(aiding_s, 10 * coast_s, 25))
     predicted = filters.predicted(horizons)
     expected = truth.expected(filters, horizons)
     wanted = truth.upper(filters, horizons) if conservative else expected
@@ -172,7 +176,7 @@ def _tune(axis: AxisResult, aiding_s: float, coast_s: float, time_s: float | Non
         # If none is safe at every horizon, take the least unsafe one.
         cost = np.where(worst <= max(1.0, 1.001 * float(worst.min())), cost, np.inf)
     best = int(np.argmin(cost))
-    return _tuning(filters, best, truth, horizons, expected[:, best], predicted[:, best])
+    return _tuning(filters, best, truth, horizons, expected, predicted)
 
 
 def assess(axis: AxisResult, noise_density: float, random_walk: float,
@@ -226,14 +230,10 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_s
             coast_s: float, time_s: float | None) -> FilterTuning:
     truth = Truth(axis)
     horizons = _horizons(aiding_s, coast_s)
-    white, driving = np.array([noise_density**2]), np.array([random_walk**2])
-    if time_s is None:
-        filters = Filters.with_random_walk(white, driving, aiding_s)
-    else:
-        filters = Filters.markov(white, np.sqrt(driving * time_s / 2), np.array([time_s]),
-                                 aiding_s)
-    return _tuning(filters, 0, truth, horizons, truth.expected(filters, horizons)[:, 0],
-                   filters.predicted(horizons)[:, 0])
+    filters = Filters.driven(np.array([noise_density**2]), np.array([random_walk**2]),
+                             np.array([time_s or np.inf]), aiding_s)
+    return _tuning(filters, 0, truth, horizons, truth.expected(filters, horizons),
+                   filters.predicted(horizons))
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +251,13 @@ class Filters:
     # of it that 1 minus it would be rounded to 1
     forgetting: Array
     covariance: Array    # of the state after a correction
+
+    @classmethod
+    def driven(cls, white: Array, driving: Array, time: Array, aiding_s: float) -> 'Filters':
+        """Return filters by driving density and correlation time, infinite for random walks."""
+        if np.isinf(time[0]):
+            return cls.with_random_walk(white, driving, aiding_s)
+        return cls.markov(white, np.sqrt(driving * time / 2), time, aiding_s)
 
     @classmethod
     def with_random_walk(cls, white: Array, driving: Array, aiding_s: float) -> 'Filters':
@@ -366,8 +373,8 @@ class Truth:
 
 def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,
             predicted: Array) -> FilterTuning:
-    rows = zip(horizons.tolist(), np.sqrt(expected).tolist(), np.sqrt(predicted).tolist(),
-               strict=True)
+    rows = zip(horizons.tolist(), np.sqrt(expected[:, at]).tolist(),
+               np.sqrt(predicted[:, at]).tolist(), strict=True)
     process = bool(np.isfinite(filters.time[at]))
     return FilterTuning(
         filters.aiding_s, float(horizons[-1]), float(np.sqrt(filters.white[at])),
@@ -377,40 +384,26 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
         tuple(rows), truth.model.from_s, truth.model.to_s)
 
 
-def _with_random_walk(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
-    """Return candidate pairs (N, K): what K does not explain at the aiding interval is N."""
-    more, driving = (part.ravel()
-                     for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
-    white = more * _white(s2, driving * aiding_s / 3, aiding_s)
-    return Filters.with_random_walk(white, driving, aiding_s)
+def _candidates(s2: float, aiding_s: float, coast_s: float, excess: Array, times: Array
+                ) -> Filters:
+    """
+    Return candidate filters: what the bias does not explain at the aiding interval is N.
 
-
-def _with_gauss_markov(s2: float, aiding_s: float, coast_s: float, excess: Array,
-                       time_s: float | None) -> Filters:
-    """Return candidate triples (N, sigma, Tc)."""
-    # Correlation times from the aiding interval to ten times the longest unaided time.
-    times = (np.geomspace(aiding_s, 10 * coast_s, 25) if time_s is None
-             else np.array([time_s]))
-    time, q, more = (part.ravel() for part in np.meshgrid(
-        times, _driving(s2, aiding_s, coast_s), excess))
-    variance = q * time / 2
-    x = aiding_s / time
-    # Allan variance of the process: the variance of a mean minus the covariance of neighbours.
-    avar = variance * rest_of_mean(1.0, x)
-    return Filters.markov(more * _white(s2, avar, aiding_s), np.sqrt(variance), time, aiding_s)
-
-
-def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
-    """Return squared driving densities, from invisible ones to three times the Allan variance."""
-    # With K = 0.01 N / coast_s, the bias makes 1 % of the variance over the longest unaided time.
+    `s2`: Allan variance at the aiding interval. `excess`: factors on squared noise density.
+    `times`: correlation times of the bias; infinite for a random walk.
+    """
+    # Squared driving densities, from invisible ones to three times the Allan variance. With
+    # K = 0.01 N / coast_s, the bias makes 1 % of the variance over the longest unaided time.
     decades = 1 - 2 * np.log10(1e-2 * aiding_s / coast_s)
     step = 9 / 160   # decades of squared density: 7 % of a random walk, finer than it is known
-    return np.asarray(s2 / aiding_s * 10 ** (1 - step * np.arange(decades / step + 1)))
-
-
-def _white(s2: float, explained: Array, aiding_s: float) -> Array:
+    densities = s2 / aiding_s * 10 ** (1 - step * np.arange(decades / step + 1))
+    time, driving, more = (part.ravel() for part in np.meshgrid(times, densities, excess))
+    # Allan variance of the bias: the variance of a mean minus the covariance of neighbours.
+    explained = (driving * aiding_s / 3 if np.isinf(times[0])
+                 else driving * time / 2 * rest_of_mean(1.0, aiding_s / time))
     # Without white noise a filter would divide by nearly zero.
-    return np.asarray(aiding_s * np.maximum(s2 - explained, 0.05 * s2))
+    white = more * (aiding_s * np.maximum(s2 - explained, 0.05 * s2))
+    return Filters.driven(white, driving, time, aiding_s)
 
 
 def _horizons(aiding_s: float, coast_s: float) -> Array:
