@@ -93,25 +93,20 @@ class Thermometer(Record):
         changes = changes[changes > 0]
         if len(changes):
             self.step = min(self.step or int(changes.min()), int(changes.min()))
-        self._add(stamps // self.width,
-                  np.stack((scaled, np.ones(len(scaled), np.int64), scaled, scaled)))
+        self._combine(
+            np.append(self.keys, stamps // self.width), np.concatenate((
+                self.readings, (scaled, np.ones_like(scaled), scaled, scaled)), axis=1))
         # Half as many cells as the record itself has are enough, as temperatures are slower.
         while len(self.keys) > 4096:
             self.width *= 2
-            keys, readings = self.keys // 2, self.readings
-            self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
-            self._add(keys, readings)
+            self._combine(self.keys // 2, self.readings)
 
-    def _add(self, keys: Ints, readings: Ints) -> None:
-        """Add readings to the cells, and combine those of the same cell."""
-        every = np.append(self.keys, keys)
-        self.keys, place = np.unique(every, return_inverse=True)
-        order = np.argsort(place, kind='stable')
-        starts = np.searchsorted(place[order], np.arange(len(self.keys)))
-        rows = np.concatenate((self.readings, readings), axis=1)[:, order]
-        self.readings = np.stack((
-            np.add.reduceat(rows[0], starts), np.add.reduceat(rows[1], starts),
-            np.minimum.reduceat(rows[2], starts), np.maximum.reduceat(rows[3], starts)))
+    def _combine(self, keys: Ints, readings: Ints) -> None:
+        """Set the cells to these readings, with those of the same cell combined."""
+        order = np.argsort(keys, kind='stable')
+        self.keys, starts = np.unique(keys[order], return_index=True)
+        self.readings = np.stack([how.reduceat(row[order], starts) for how, row in zip(
+            (np.add, np.add, np.minimum, np.maximum), readings, strict=True)])
 
     def place(self, run: int, first: int, samples: int, skipped: int, first_ns: int | None,
               last_ns: int | None) -> None:

@@ -22,6 +22,7 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 """
 
 from dataclasses import replace
+from functools import cache, partial
 
 from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
@@ -191,14 +192,10 @@ def _most_random_walk(band: Groups, best: Solution) -> Solution:
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
     """Fit processes of given correlation times, and keep the at most four that matter most."""
-    rows = {float(time): _process(band, dt, float(time)) for time in times}
+    power = cache(partial(_process, band, dt))
 
     def fitted(of: Array, start: Array | None = None, tolerance: float = 1e-7) -> Solution:
-        for time in of.tolist():
-            if time not in rows:
-                rows[time] = _process(band, dt, time)
-        columns = (band.design[:, WHITE], band.design[:, RANDOM_WALK],
-                   *(rows[t] for t in of.tolist()))
+        columns = (band.design[:, WHITE], band.design[:, RANDOM_WALK], *map(power, of.tolist()))
         return maximise(replace(band, design=np.stack(columns, axis=1)), start,
                         tolerance=tolerance)
 

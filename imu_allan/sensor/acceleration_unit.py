@@ -11,11 +11,14 @@ Messages are held back until that is decided, so that their division into blocks
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from imu_allan.arrays import Array
+from imu_allan.arrays import Array, Bools
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding, finding
 from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
+
+_SPAN = 32
+"""A sensor that is steady for this many messages is at rest, or nearly."""
 
 
 def _magnitudes(block: ImuBlock) -> Array:
@@ -26,16 +29,15 @@ def _magnitudes(block: ImuBlock) -> Array:
     return np.where(np.isfinite(magnitudes) & ~block.absent[:, 1], magnitudes, 0.0)
 
 
-def _verdict(magnitudes: Array) -> bool | None:
-    """Return whether a span is in g; None if it may be, but is not steady."""
-    low, middle, high = np.percentile(magnitudes, [5, 50, 95])
+def _looks(spans: Array) -> tuple[Bools, Bools]:
+    """Return for each row of magnitudes whether it is in g, and whether it cannot be."""
+    low, middle, high = np.percentile(spans, [5, 50, 95], axis=1)
     # Bias and scale error of the poorest sensors are 10 %. Free motion with gravity removed varies
     # more.
-    if 0.9 <= middle <= 1.1 and high - low <= 0.2:
-        return True
+    in_g = (middle >= 0.9) & (middle <= 1.1) & (high - low <= 0.2)
     # However the sensor is held, nearly all magnitudes in g are between 0.5 and 2. Gravity in
     # m/s^2 lies above, acceleration with gravity removed below.
-    return False if high < 0.5 or low > 2.0 else None
+    return in_g, ~in_g & ((high < 0.5) | (low > 2.0))
 
 
 class AccelerationUnit:
@@ -57,15 +59,19 @@ class AccelerationUnit:
     def __init__(self, decided: bool | None = None) -> None:
         self.decision = decided
         self._waiting: list[ImuBlock] = []
-        self._waited = self._unjudged = self._agreeing = 0
-        self._latest = np.empty(0)
+        self._magnitudes = np.empty(0)    # of the messages held back
 
     @property
     def in_g(self) -> bool:
         """Whether the stream is in g, by the latest messages while that is undecided."""
         if self.decision is not None:
             return self.decision
-        return len(self._latest) > 0 and _verdict(self._latest) is True
+        latest = self._usable[-_SPAN:]
+        return len(latest) > 0 and bool(_looks(latest[None])[0][0])
+
+    @property
+    def _usable(self) -> Array:
+        return self._magnitudes[self._magnitudes > 0]
 
     @property
     def remarks(self) -> list[Finding]:
@@ -102,23 +108,17 @@ class AccelerationUnit:
         """Hold messages back, after earlier ones; return all when the unit is decided."""
         self._waiting.append(block)
         longest = 2048   # ten seconds at 200 Hz, in which somebody puts the sensor down
-        magnitudes = _magnitudes(block)[:longest - self._waited]
-        self._waited += len(magnitudes)
-        usable = np.append(self._latest, magnitudes[magnitudes > 0])
-        first = len(self._latest) - self._unjudged
-        span = 32   # a sensor that is steady for this many messages is at rest, or nearly
-        while self.decision is None and len(usable) - first >= span:
-            verdict = _verdict(usable[first:first + span])
-            first += span
-            self._agreeing += verdict is True
-            # The first messages of a driver, or a steady push with gravity removed, may lie near 1
-            # for a while. Eight spans must look like g, and none unlike it.
-            if verdict is False or self._agreeing == 8:
-                self.decision = verdict
-        self._unjudged, self._latest = len(usable) - first, usable[-span:]
-        if self.decision is None:
-            if self._waited < longest:
-                return []
+        self._magnitudes = np.append(self._magnitudes, _magnitudes(block))[:longest]
+        usable = self._usable
+        in_g, other = _looks(usable[:len(usable) // _SPAN * _SPAN].reshape(-1, _SPAN))
+        # The first messages of a driver, or a steady push with gravity removed, may lie near 1 for
+        # a while. Eight spans must look like g, and none unlike it.
+        decisive = np.flatnonzero(other | (np.cumsum(in_g) == 8))
+        if len(decisive):
+            self.decision = bool(in_g[decisive[0]])
+        elif len(self._magnitudes) < longest:
+            return []
+        else:
             self.decision = False
         ready, self._waiting = self.waiting, []
         return ready

@@ -37,10 +37,9 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
     for the coefficients of the whole record.
     """
     longest = longest_blocks(sections)
-    found, bounds = [], []
+    found = []
     for section in sections:
-        nothing = np.zeros(section.last - section.first)
-        leak, bound = nothing, nothing
+        leak, bound = np.zeros((2, section.last - section.first))
         if section.coefficients is None:
             step = section.step * dt
             ends = _slopes(mean, 0.0, duration_s, section.length * step)
@@ -50,9 +49,9 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
             else:
                 steepest = np.array([np.abs(ends).max()])
                 bound = _of_slopes(section.length, step, index | 1, steepest, steepest)
-        found.append(leak)
-        bounds.append(bound)
-    return np.concatenate(found), np.concatenate(bounds)
+        found.append((leak, bound))
+    every, bounds = zip(*found, strict=True)
+    return np.concatenate(every), np.concatenate(bounds)
 
 
 def is_negligible(leak: Array, bound: Array, noise: Array) -> Bools:
