@@ -171,7 +171,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     if coarse:
         # Isolated quantization steps leave little power below their rate, like a high-pass filter.
         fitted = replace(fitted, high_pass_hz=None)
-    remarks = fit_remarks(fitted, quantity)
+    remarks = [*fit_remarks(fitted, quantity)]
     if coarse:
         # An output of two values at random has a ratio of 2, however small the noise behind it.
         remarks.append(finding(

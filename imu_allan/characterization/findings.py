@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Findings about the noise, in one module because they are read together."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import exp, isfinite, isinf, log
 from typing import Any
 
@@ -21,40 +21,59 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
 
 
-def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> list[Finding]:
+def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> Iterator[Finding]:
     """Report the lines left out of the spectra: of each axis the strongest."""
-    found = []
     for name, axis in axes.items():
         if axis.tones:
             strongest = max(axis.tones, key=lambda tone: tone.amplitude)
-            found.append(finding(
+            yield finding(
                 'tones', (name,), unit=axis.unit, count=len(axis.tones),
                 frequency_hz=strongest.frequency_hz, amplitude=strongest.amplitude,
                 # Alternation from message to message stays this close to half the rate. Chosen by
                 # judgment.
-                half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones)))
-    return found
+                half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones))
 
 
-def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
-    """Report what the noise of an axis contains besides the coefficients."""
-    remarks = []
+def fit_remarks(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
+    """Report what the noise of an axis contains besides the coefficients, and a moving mean."""
+    unit = quantity.unit
     if fitted.high_pass_hz is not None:
-        remarks.append(finding('high_passed', corner_hz=fitted.high_pass_hz))
+        yield finding('high_passed', corner_hz=fitted.high_pass_hz)
     if fitted.edge_hz is not None:
-        remarks.append(finding('band_limited', edge_hz=fitted.edge_hz))
+        yield finding('band_limited', edge_hz=fitted.edge_hz)
     elif fitted.window_s is not None:
-        remarks.append(finding('band_limited', window_s=fitted.window_s))
+        yield finding('band_limited', window_s=fitted.window_s)
     if not fitted.acceptable:
-        remarks.append(finding('poor_fit', misfit_share=fitted.misfit))
+        yield finding('poor_fit', misfit_share=fitted.misfit)
     if (law := fitted.power_law) is not None:
-        remarks.append(finding('power_law', exponent=law.exponent,
-                               exponent_low=law.exponent_ci95[0],
-                               exponent_high=law.exponent_ci95[1]))
+        low, high = law.exponent_ci95
+        yield finding('power_law', exponent=law.exponent, exponent_low=low, exponent_high=high)
     if (process := fitted.gauss_markov) is not None:
-        remarks.append(finding('gauss_markov', sigma=process.sigma, unit=quantity.unit,
-                               correlation_time_s=process.correlation_time_s))
-    return [*remarks, *_mean_remarks(fitted, quantity)]
+        yield finding('gauss_markov', sigma=process.sigma, unit=unit,
+                      correlation_time_s=process.correlation_time_s)
+    trend = fitted.trend
+    if (heat := trend.temperature) is not None:
+        low, high = heat.ci95
+        yield finding(
+            'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=low, per_kelvin_high=high,
+            unit=unit, lowest_c=heat.lowest_c, highest_c=heat.highest_c,
+            curved=heat.per_kelvin_squared is not None, lag_s=heat.lag_s)
+    if (first := trend.warm_up) is not None:
+        flicker = fitted.estimates['bias_instability']
+        known = flicker.value if flicker.observable else flicker.upper
+        longest_s = first.time_constant_ci95[1] if first.time_constant_ci95 else None
+        yield finding(
+            'warm_up', amplitude=first.amplitude, unit=unit,
+            time_constant_s=first.time_constant_s,
+            time_constant_factor=None if longest_s is None else longest_s / first.time_constant_s,
+            exponentials=1 if trend.second_warm_up is None else 2,
+            steady_after_s=steady_after_s(trend, known if isfinite(known) else 0.0))
+    if trend.cycle_s is not None:
+        yield finding('slow_cycle', period_s=trend.cycle_s)
+    if (step := fitted.bias_step) is not None:
+        yield finding('bias_step', size=step.size, unit=unit, after_s=step.at_s)
+    if fitted.random_walk_unclear:
+        yield finding('trend_or_walk')
 
 
 def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
@@ -144,55 +163,18 @@ def steady_after_s(trend: Trend | None, flicker: float) -> float:
         for part in parts if part is not None and part.amplitude), default=0.0)
 
 
-def steady_of(axis: AxisResult) -> float:
-    """Return the seconds after which the warm-up of an axis is over; 0 if there is none."""
-    flicker = axis.coefficients['bias_instability']
-    return steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
-
-
-def thermometer_remarks(seen: Temperature) -> list[Finding]:
+def thermometer_remarks(seen: Temperature) -> Iterator[Finding]:
     """Report what is wrong with the readings of a thermometer."""
-    if seen.series is None and seen.covered < COVERED:
-        return [finding('thermometer', fault='short', covered_share=seen.covered)]
     if seen.series is None:
-        return [finding('thermometer', fault='constant')]
-    remarks = []
+        yield (finding('thermometer', fault='short', covered_share=seen.covered)
+               if seen.covered < COVERED else finding('thermometer', fault='constant'))
+        return
     span = seen.series.highest - seen.series.lowest
     # With larger steps, the mean follows the temperature in jumps.
     if seen.step > span / 8:
-        remarks.append(finding('thermometer', fault='coarse', step_k=seen.step, range_k=span))
+        yield finding('thermometer', fault='coarse', step_k=seen.step, range_k=span)
     if seen.gaps:
-        remarks.append(finding('thermometer', fault='gaps', gaps=seen.gaps))
-    return remarks
-
-
-def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
-    """Report what moves the mean, and what that means for the random walk."""
-    remarks, trend = [], fitted.trend
-    if (heat := trend.temperature) is not None:
-        remarks.append(finding(
-            'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=heat.ci95[0],
-            per_kelvin_high=heat.ci95[1], unit=quantity.unit, lowest_c=heat.lowest_c,
-            highest_c=heat.highest_c, curved=heat.per_kelvin_squared is not None,
-            lag_s=heat.lag_s))
-    if (first := trend.warm_up) is not None:
-        flicker = fitted.estimates['bias_instability']
-        known = flicker.value if flicker.observable else flicker.upper
-        remarks.append(finding(
-            'warm_up', amplitude=first.amplitude, unit=quantity.unit,
-            time_constant_s=first.time_constant_s,
-            time_constant_factor=first.time_constant_ci95[1] / first.time_constant_s
-            if first.time_constant_ci95 else None,
-            exponentials=1 if trend.second_warm_up is None else 2,
-            steady_after_s=steady_after_s(trend, known if isfinite(known) else 0.0)))
-    if trend.cycle_s is not None:
-        remarks.append(finding('slow_cycle', period_s=trend.cycle_s))
-    if (step := fitted.bias_step) is not None:
-        remarks.append(finding('bias_step', size=step.size, unit=quantity.unit,
-                               after_s=step.at_s))
-    if fitted.random_walk_unclear:
-        remarks.append(finding('trend_or_walk'))
-    return remarks
+        yield finding('thermometer', fault='gaps', gaps=seen.gaps)
 
 
 def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float
@@ -204,7 +186,9 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
     the shortest of several. Returns: `start_s` of a warm-up is what ``--start`` should be, the
     latest end of a warm-up within the first half; None if there is none.
     """
-    ends = [steady_of(axis) for axis in axes.values()]
+    flickers = ((axis, axis.coefficients['bias_instability']) for axis in axes.values())
+    ends = [steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
+            for axis, flicker in flickers]
     start_s = max((end for end in ends if 0 < end <= length_s / 2), default=None)
     return [one.with_values(start_s=start_s) if one.code == 'warm_up' else one for one in found]
 
