@@ -78,19 +78,16 @@ def octaves(estimator: Estimator) -> Octaves:
     rows = []
     for octave, count in enumerate(pyramid.counts):
         size = 2**octave
+        stride, sums = max(1, size // OVERLAP), pyramid.sums[octave]
         if size // cell > OVERLAP:
-            found, sums = _series_differences(estimator, size // cell)
+            found, of_series = _series_differences(estimator, size // cell)
             if found:
-                rows.append((size, cell, found, sums / (2.0 * found * size**2)))
-                continue
+                stride, count, sums = cell, found, of_series
         if count:
-            stride = max(1, size // OVERLAP)
-            rows.append((size, stride, int(count), pyramid.sums[octave] / (2.0 * count * size**2)))
-    if not rows:
-        empty = np.zeros(0, np.int64)
-        return Octaves(empty, empty, empty, np.zeros((0, estimator.axes)))
-    size_, stride_, count_, avar = zip(*rows, strict=True)
-    return Octaves(np.array(size_), np.array(stride_), np.array(count_), np.array(avar))
+            rows.append((size, stride, int(count), sums / (2.0 * count * size**2)))
+    sizes, strides, counts = np.array([row[:3] for row in rows], np.int64).reshape(-1, 3).T
+    return Octaves(sizes, strides, counts,
+                   np.array([row[3] for row in rows]).reshape(-1, estimator.axes))
 
 
 def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
@@ -103,8 +100,7 @@ def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
         part = series.take(whole & (runs == run))
         if len(part) < 2 * m:
             continue
-        phase = np.concatenate((np.zeros((estimator.axes, 1)), np.cumsum(part.sums, axis=1)),
-                               axis=1)
+        phase = np.pad(np.cumsum(part.sums, axis=1), ((0, 0), (1, 0)))
         # A difference is valid if its 2 m cells are consecutive.
         keys = part.keys
         good = keys[2 * m - 1:] - keys[:len(keys) - 2 * m + 1] == 2 * m - 1
