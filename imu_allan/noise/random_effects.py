@@ -84,11 +84,14 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     y, e, u = (np.asarray(part, dtype=np.float64) for part in (values, errors, bounds))
     if len(y) < 2 or y.shape != e.shape:
         raise ValueError('at least two units are needed, each with its error')
+
+    def loss(spread: float) -> float:
+        return _best_mean(y, e, u, spread)[1]
+
     scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
     # Begin at a millionth of the scatter of the measured values, with 14 spreads per decade.
     spreads = scatter * np.geomspace(1e-6, 10.0, 97)
-    profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
-    best = int(np.argmin(profile))
+    best = int(np.argmin([loss(spread) for spread in spreads]))
     # A best spread at the lower end of the grid counts as zero.
     spread = 0.0
     if best > 0:
@@ -96,13 +99,14 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
 
         around = np.log(spreads[[best - 1, min(best + 1, len(spreads) - 1)]])
         spread = float(np.exp(minimize_scalar(
-            lambda log: _best_mean(y, e, u, float(np.exp(log)))[1], bounds=tuple(around),
-            method='bounded', options={'xatol': 1e-4}).x))
+            lambda log: loss(float(np.exp(log))), bounds=tuple(around), method='bounded',
+            options={'xatol': 1e-4}).x))
     low, high = _interval(y, e, scatter)
     if high == 0 and np.any(e > 0):
         # The scatter is smaller than errors alone cause in 39 of 40 populations, so that Q allows
         # no spread at all. That is chance; the likelihood still gives an upper limit.
-        high = _likely_up_to(lambda s: _best_mean(y, e, u, s)[1], spread, float(np.max(e)))
+        limit = loss(spread) + NORMAL95**2 / 2
+        high = _crossing(lambda s: loss(s) - limit, spread, float(np.max(e)), 2)
     return Effects(e, _best_mean(y, e, u, spread)[0], spread, (low, high))
 
 
@@ -121,57 +125,46 @@ def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> fl
 
 def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
     """Return the 95 % interval of the spread, by inverting the test of the Q statistic."""
-    from scipy.optimize import brentq
-
     def end(probability: float) -> float:
         wanted = float(chdtri(len(y) - 1, probability))
-        if q_statistic(y, e) <= wanted:
-            return 0.0
-        high = scatter
-        while q_statistic(y, e, high) > wanted:
-            high *= 4
-        return float(brentq(lambda spread: q_statistic(y, e, spread) - wanted, 0.0, high,
-                            xtol=1e-6 * scatter))
+        return 0.0 if q_statistic(y, e) <= wanted else _crossing(
+            lambda spread: wanted - q_statistic(y, e, spread), 0.0, scatter, 4)
 
     return end(0.025), end(0.975)
 
 
-def _likely_up_to(loss: Callable[[float], float], best: float, step: float) -> float:
-    """Return the spread where twice the log likelihood is 3.84 below its maximum (95 %)."""
+def _crossing(excess: Callable[[float], float], low: float, step: float, growth: float) -> float:
+    """Return where a function rises above zero: first sought a step above `low`, then farther."""
     from scipy.optimize import brentq
 
-    limit = loss(best) + NORMAL95**2 / 2
-    high = best + step
-    while loss(high) < limit:
-        high *= 2
-    return float(brentq(lambda spread: loss(spread) - limit, best, high, xtol=1e-6 * step))
+    high = low + step
+    while excess(high) < 0:
+        high *= growth
+    return float(brentq(excess, low, high, xtol=1e-6 * step))
 
 
 def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, float]:
-    """Return the best mean for a given spread, and the negative log likelihood."""
+    """Return the best mean for a given spread, and the negative restricted log likelihood."""
     variance = np.maximum(spread**2 + e**2, 1e-300)
     weight = 1 / variance
-    mean = float(weight @ y / weight.sum())
+    information = float(weight.sum())
+    mean = float(weight @ y / information)
+
+    def of_values(at: float) -> float:
+        return float(0.5 * (np.sum(np.log(variance) + (y - at)**2 / variance)
+                            + np.log(information)))
+
     if not len(u):
-        return mean, _loss(y, variance, mean)
+        return mean, of_values(mean)
     from scipy.optimize import minimize_scalar
 
     # Bounds have no standard error, so use that of a typical unit.
     deviation = np.sqrt(spread**2 + float(np.median(e))**2) or 1e-300
-
-    def loss(at: float) -> float:
-        return _loss(y, variance, at) - float(np.sum(log_ndtr((u - at) / deviation)))
-
     reach = 5 * np.sqrt(float(np.mean(variance))) + float(np.ptp(np.append(y, u)))
-    found = minimize_scalar(loss, bounds=(mean - reach, mean), method='bounded')
+    found = minimize_scalar(
+        lambda at: of_values(at) - float(np.sum(log_ndtr((u - at) / deviation))),
+        bounds=(mean - reach, mean), method='bounded')
     return float(found.x), float(found.fun)
-
-
-def _loss(y: Array, variance: Array, mean: float) -> float:
-    """Return the negative restricted log likelihood."""
-    information = float(np.sum(1 / variance))
-    return float(0.5 * (np.sum(np.log(variance) + (y - mean)**2 / variance)
-                        + np.log(information)))
 
 
 def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> Bools:

@@ -68,12 +68,9 @@ def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arra
     """Return the variance of means after many corrections, by docs/statistics.md (9)."""
     model = drift_model_of(axis)
     covariance = steady_covariance(space_of(model, axis.tones, aiding_s))
-    found = []
-    for horizon in horizons.tolist():
-        over = space_of(model, axis.tones, horizon)
-        found.append(float((over.observation @ covariance @ over.observation.T
-                            + over.measurement)[0, 0]))
-    return np.array(found)
+    spaces = [space_of(model, axis.tones, horizon) for horizon in horizons.tolist()]
+    return np.array([float((over.observation @ covariance @ over.observation.T
+                            + over.measurement)[0, 0]) for over in spaces])
 
 
 def steady_covariance(space: StateSpace) -> Array:
