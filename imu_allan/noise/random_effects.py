@@ -19,7 +19,6 @@ limits by the non-central t. B. Rosner, Technometrics 25 (1983): several outlier
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 from imu_allan.arrays import Array, Bools
 from imu_allan.noise.chi_square import NORMAL95
@@ -40,12 +39,6 @@ class Effects:
     # upper end is that of the likelihood interval.
     between_ci95: tuple[float, float]
 
-    @cached_property
-    def _shares(self) -> Array:
-        """Return the share of each unit's variance that is due to the population."""
-        total = self.between**2 + self.errors**2
-        return np.divide(self.between**2, total, out=np.zeros_like(total), where=total > 0)
-
     def percentile(self, share: float) -> float:
         """Return the value below which `share` of all units lie."""
         return self.mean + float(ndtri(share)) * self.between
@@ -60,7 +53,10 @@ class Effects:
         """
         from scipy.stats import nct
 
-        z, shares = float(ndtri(share)), self._shares
+        total = self.between**2 + self.errors**2
+        # Of each unit's variance, the share that is due to the population
+        shares = np.divide(self.between**2, total, out=np.zeros_like(total), where=total > 0)
+        z = float(ndtri(share))
         free, weight = float(np.sum(shares**2)) - 1, float(np.sum(shares))
         # With fewer than two degrees of freedom, use the upper bound of the spread.
         if free < 2.0:

@@ -78,10 +78,9 @@ class Change:
 class Steadiness:
     """Comparison of the noise in the segments of one axis."""
 
-    differs: bool    # whether it differs by more than chance, however little
     p_value: float    # of equal noise in all segments
     change: Change | None    # in the band with the largest spread; None if that is too small
-    # (half_octaves,): relative spread of the power beyond sampling error
+    # (half_octaves,): relative spread of the power beyond sampling error; 0 if that may be chance
     frequency_hz: Array
     spread: Array
 
@@ -92,8 +91,6 @@ class Steadiness:
 
     def capped(self, groups: Groups) -> Groups:
         """Limit the degrees of freedom, as a spread between segments does not average out."""
-        if not self.differs:
-            return groups
         return groups.capped(np.interp(np.log(groups.frequency), np.log(self.frequency_hz),
                                        self.spread))
 
@@ -206,7 +203,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     ratio = powers.power[axis][:, keep] / np.maximum(level[keep], 1e-300)
     half = _by_band(np.floor(2 * np.log2(frequency)), ratio, dof, frequency)
     if half is None:
-        return Steadiness(False, 1.0, None, np.ones(1), np.zeros(1))
+        return Steadiness(1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
     p_value = equal_variances(at, count)
     # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
@@ -234,8 +231,9 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
             change = Change(edges[band], edges[band + 1], float(wide[place]) / 2,
                             np.sqrt(at[:, place]))
             break
-    differs = p_value < least
-    return Steadiness(differs, p_value, change if differs else None, middle, smooth)
+    if p_value >= least:
+        change, smooth = None, np.zeros(len(smooth))
+    return Steadiness(p_value, change, middle, smooth)
 
 
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
