@@ -55,17 +55,13 @@ class Thermometer(Record):
     width: int = 1 << 26
     step: int = 0    # smallest change between readings, in 1 / `_SCALE` K; 0 if there is none
     shown: int = 0    # place in the signal after the newest sample
-    keys: Ints = field(init=False)    # (cells,): stamps divided by `width`
+    # (cells,): stamps divided by `width`
+    keys: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     # (4, cells): sum, number, minimum and maximum of the readings of each cell
-    readings: Ints = field(init=False)
+    readings: Ints = field(default_factory=lambda: np.zeros((4, 0), np.int64))
     # (runs, 7): run, then place in the run, place in the signal and stamp, both of its first and
     # of its last sample
-    runs: Ints = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Start without readings and samples."""
-        self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
-        self.runs = np.zeros((0, 7), np.int64)
+    runs: Ints = field(default_factory=lambda: np.zeros((0, 7), np.int64))
 
     def __len__(self) -> int:
         """Return the number of readings."""
