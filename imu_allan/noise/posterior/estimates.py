@@ -234,16 +234,10 @@ def ramp_of(posterior: Posterior) -> Estimate:
     none = Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     if posterior.models[0].spectra.records > 1:
         return none
-    sizes, errors, weights, wanders = [], [], [], []
-    for model in posterior.models:
-        if model.weight > 0.01:
-            size, error, share = _regressed(model)
-            sizes.append(size[:, 0])
-            errors.append(error[:, 0])
-            weights.append(model.weight * share)
-            wanders.append(np.full(len(share), bool(model.row.has[0, K])))
-    size, error, weight, wandering = map(
-        np.concatenate, (sizes, errors, weights, wanders))
+    size, error, weight, wandering = map(np.concatenate, zip(*(
+        (size[:, 0], error[:, 0], model.weight * share, np.full(len(share), model.row.has[0, K]))
+        for model in posterior.models if model.weight > 0.01
+        for size, error, share in (_regressed(model),)), strict=True))
     if not np.isfinite([size, error]).all() or not size.any():
         return none
     # Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval.

@@ -100,8 +100,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
             break
     evidence = (rows.prior - loss + 0.5 * rows.has.sum(axis=1) * np.log(2 * np.pi)
                 - 0.5 * np.linalg.slogdet(information)[1])
-    return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence).take(
-        np.flatnonzero(other))
+    return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence).take(other)
 
 
 def _leading(kind: Ints, values: Array, loss: Array, gradient: Array) -> Bools:

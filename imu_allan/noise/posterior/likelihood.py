@@ -207,8 +207,8 @@ class Rows:
         """Return the number of rows."""
         return len(self.of)
 
-    def take(self, which: Ints) -> 'Rows':
-        """Return a selection of the rows."""
+    def take(self, which: Ints | Bools) -> 'Rows':
+        """Return a selection of the rows, by index or by mask."""
         return Rows(*[array[which] for array in vars(self).values()])
 
     @staticmethod

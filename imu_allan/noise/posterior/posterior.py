@@ -141,7 +141,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
 
 def _best(fits: Sequence[Fitted], axis: int) -> tuple[Spectra, Rows]:
     """Return the best model of an axis, with its spectra."""
-    best = [(one.spectra, one.rows.take(np.flatnonzero(one.axis == axis))) for one in fits]
+    best = [(one.spectra, one.rows.take(one.axis == axis)) for one in fits]
     spectra, rows = max(best, key=lambda one: float(one[1].evidence.max(initial=-np.inf)))
     return spectra, rows.take(np.array([int(np.argmax(rows.evidence))]))
 
@@ -238,9 +238,9 @@ def _refitted(fits: Sequence[Fitted], factors: Sequence[Array]) -> Sequence[Fitt
     for one in fits:
         spectra = one.spectra.with_dof(one.spectra.dof / divisors[one.axes])
         own = again[one.axis]
-        rows = [one.rows.take(np.flatnonzero(~own))]
+        rows = [one.rows.take(~own)]
         if own.any():
-            rows.append(maximise_rows(spectra, one.rows.take(np.flatnonzero(own))))
+            rows.append(maximise_rows(spectra, one.rows.take(own)))
         found.append(replace(one, spectra=spectra, rows=Rows.joined(rows)))
     return _with_settled_ends(found, fits)
 
@@ -283,7 +283,7 @@ def _drawn(fits: Sequence[Fitted], axes: Sequence[int]) -> list[tuple[Drawn, ...
                   for measure in (np.max, np.logaddexp.reduce))
     found: list[list[Drawn]] = [[] for _ in axes]
     for one in fits:
-        near = one.rows.take(np.flatnonzero(one.rows.evidence > top[one.axis] - KEPT))
+        near = one.rows.take(one.rows.evidence > top[one.axis] - KEPT)
         if not len(near):
             continue
         rows = best_of(one.spectra, near, KEPT, 10)

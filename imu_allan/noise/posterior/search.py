@@ -108,7 +108,7 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
 
 def of_axis(rows: Rows, axis: int) -> Rows:
     """Return the rows of one axis."""
-    return rows.take(np.flatnonzero(rows.of == axis))
+    return rows.take(rows.of == axis)
 
 
 def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
@@ -116,9 +116,9 @@ def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
     kept = []
     for axis in np.unique(rows.of).tolist():
         own = of_axis(rows, axis)
-        own = own.take(np.flatnonzero(own.evidence > own.evidence.max() - within - 4))
-        within_range = np.flatnonzero(inside(spectra, own) & sees_pass_band(spectra, own))
-        own = distinct(own.take(within_range) if len(within_range) else own)
+        own = own.take(own.evidence > own.evidence.max() - within - 4)
+        sound = inside(spectra, own) & sees_pass_band(spectra, own)
+        own = distinct(own.take(sound) if sound.any() else own)
         near = np.flatnonzero(own.evidence > own.evidence[0] - within)
         kept.append(own.take(near[:most]))
     return Rows.joined(kept)

@@ -350,7 +350,7 @@ class _Search:
     def begin(self, spectra: Spectra, tried: Rows, still: Rows) -> None:
         """Start from the noise models near the best, `tried` as fitted without trends."""
         self.tried = tried
-        near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - 30.0))
+        near = still.take(still.evidence > still.evidence.max() - 30.0)
         self._look(spectra, Rows.joined([self.best, near]))
 
     def _look(self, spectra: Spectra, rows: Rows) -> None:
@@ -376,7 +376,7 @@ class _Search:
     def go_on(self, fitted: Fitted) -> None:
         """Choose the best trend, if it clearly improves the evidence, or a step."""
         self._about = None
-        own = fitted.rows.take(np.flatnonzero(fitted.axis == self.axis))
+        own = fitted.rows.take(fitted.axis == self.axis)
         if not len(own):
             return
         leader, top = int(own.of[np.argmax(own.evidence)]), float(own.evidence.max())
@@ -418,9 +418,8 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
     beside, rows = _climbed(spectra, candidates, rows)
     occam = np.empty(len(rows))
     for number, (_, found) in enumerate(candidates):
-        here = np.flatnonzero(rows.of == number)
-        own = rows.take(here)
-        occam[here] = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
+        own = of_axis(rows, number)
+        occam[rows.of == number] = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
     return Fitted(beside, replace(rows, evidence=rows.evidence + occam, prior=rows.prior + occam),
                   np.array([search.axis for search, _ in candidates]),
                   [found for _, found in candidates])
