@@ -291,7 +291,7 @@ def _with_nuisances(model: Drawn, record: RecordSpectrum) -> tuple[Array, Array]
               for slope in one.kind.slopes(one.value, record.duration_s)]
     groups = record.groups(*slopes, *waveforms(model.trends, record.duration_s))
     row = replace(model.row, of=np.zeros(1, np.int64))
-    spectra = model.spectra.with_regressors([groups], [int(model.row.of[0])])
+    spectra = model.spectra.with_regressors([groups], model.row.of)
     _, _, size, covariance = fitted_mean(spectra, row, row.x)
     return size[0, 0], np.sqrt(np.diag(covariance[0, 0]))
 

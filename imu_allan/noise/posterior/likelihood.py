@@ -131,9 +131,9 @@ class Spectra:
         return replace(self, **each, sizes=tuple(size[of] for size in self.sizes),
                        free=tuple(table.select(of) for table in self.free))
 
-    def with_regressors(self, groups: Sequence[Groups], of: Sequence[int]) -> 'Spectra':
+    def with_regressors(self, groups: Sequence[Groups], of: Ints) -> 'Spectra':
         """Return a selection of the spectra, with the regressors of other groups."""
-        return replace(self.select(np.array(of)), products=regressors(groups))
+        return replace(self.select(of), products=regressors(groups))
 
     def with_dof(self, dof: Array) -> 'Spectra':
         """Return the same spectra with other degrees of freedom."""

@@ -127,23 +127,21 @@ def posteriors(groups: Sequence[Groups], dt: float,
     spectra, starts = prepared(groups, dt)
     found = search_models(spectra, starts, dt)
     axes = range(len(starts))
-    # The models first without trends of the mean, then with one and more.
-    fits = [Fitted(spectra, found, np.array(axes), [()] * len(axes))]
+    fitted = Fitted(spectra, found, np.array(axes), [()] * len(axes), groups)
     if bank is None and (some := next(filter(None, records), None)) is not None:
         bank = Bank(some, TRENDS)
-    if bank is not None:
-        fits += fit_trends(spectra, starts, found, records, bank)
-    judged = [_judged(*_best(fits, axis)) for axis in axes]
-    models = _drawn(_refitted(fits, [factor for *_, factor in judged]), axes)
+    if bank is not None and (more := fit_trends(spectra, starts, found, records, bank)):
+        fitted = fitted.joined(more)
+    judged = [_judged(fitted.spectra, _best(fitted.rows.take(fitted.axis == axis)))
+              for axis in axes]
+    models = _drawn(_refitted(fitted, [factor for *_, factor in judged]), axes)
     return [Posterior(own, p_value, misfit, edge)
             for own, (p_value, misfit, edge, _) in zip(models, judged, strict=True)]
 
 
-def _best(fits: Sequence[Fitted], axis: int) -> tuple[Spectra, Rows]:
-    """Return the best model of an axis, with its spectra."""
-    best = [(one.spectra, one.rows.take(one.axis == axis)) for one in fits]
-    spectra, rows = max(best, key=lambda one: float(one[1].evidence.max(initial=-np.inf)))
-    return spectra, rows.take(np.array([int(np.argmax(rows.evidence))]))
+def _best(rows: Rows) -> Rows:
+    """Return the row of the largest evidence."""
+    return rows.take(np.array([int(np.argmax(rows.evidence))]))
 
 
 def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Array]:
@@ -224,7 +222,7 @@ def _shape_error(residual: Array, weight: Array, removed: Array, slopes: Array, 
     return float(np.sqrt(np.average(tried**2, weights=np.exp(log_density - log_density.max()))))
 
 
-def _refitted(fits: Sequence[Fitted], factors: Sequence[Array]) -> Sequence[Fitted]:
+def _refitted(fitted: Fitted, factors: Sequence[Array]) -> Fitted:
     """
     Fit the models again with degrees of freedom divided by the `factors` of each axis.
 
@@ -232,70 +230,49 @@ def _refitted(fits: Sequence[Fitted], factors: Sequence[Array]) -> Sequence[Fitt
     """
     again = np.array([bool((factor > 1.1).any()) for factor in factors])
     if not again.any():
-        return fits
+        return fitted
     divisors = np.where(again[:, None], factors, 1.0)
-    found = []
-    for one in fits:
-        spectra = one.spectra.with_dof(one.spectra.dof / divisors[one.axes])
-        own = again[one.axis]
-        rows = [one.rows.take(~own)]
-        if own.any():
-            rows.append(maximise_rows(spectra, one.rows.take(own)))
-        found.append(replace(one, spectra=spectra, rows=Rows.joined(rows)))
-    return _with_settled_ends(found, fits)
+    spectra = fitted.spectra.with_dof(fitted.spectra.dof / divisors[fitted.axes])
+    own = again[fitted.axis]
+    rows = Rows.joined([fitted.rows.take(~own), maximise_rows(spectra, fitted.rows.take(own))])
+    found = replace(fitted, spectra=spectra, rows=rows)
+    # Weigh the fast ends as before. Where groups hardly count any more, white noise without a
+    # filter would fit them.
+    full, reduced = _best_by_end(fitted), _best_by_end(found)
+    more = np.array([full[end] - reduced[end] for end in _ends(found)])
+    return replace(found, rows=replace(
+        rows, evidence=rows.evidence + more, prior=rows.prior + more))
 
 
-def _with_settled_ends(fits: Sequence[Fitted], before: Sequence[Fitted]) -> list[Fitted]:
-    """
-    Weigh the fast ends of the spectrum as `before` degrees of freedom were reduced.
-
-    Where groups hardly count any more, white noise without a filter would fit them.
-    """
-    full, reduced = _best_by_end(before), _best_by_end(fits)
-    settled = []
-    for one in fits:
-        more = np.array([full[end] - reduced[end] for end in _ends(one)])
-        settled.append(replace(one, rows=replace(
-            one.rows, evidence=one.rows.evidence + more, prior=one.rows.prior + more)))
-    return settled
-
-
-def _best_by_end(fits: Sequence[Fitted]) -> dict[tuple[int, ...], float]:
-    """Return the largest evidence for each axis and fast end."""
+def _best_by_end(fitted: Fitted) -> dict[tuple[int, ...], float]:
+    """Return the largest evidence for each axis and fast end of the spectrum."""
     found: dict[tuple[int, ...], float] = {}
-    for one in fits:
-        for end, evidence in zip(_ends(one), one.rows.evidence.tolist(), strict=True):
-            found[end] = max(found.get(end, -np.inf), evidence)
+    for end, evidence in zip(_ends(fitted), fitted.rows.evidence.tolist(), strict=True):
+        found[end] = max(found.get(end, -np.inf), evidence)
     return found
 
 
-def _ends(one: Fitted) -> list[tuple[int, ...]]:
+def _ends(fitted: Fitted) -> list[tuple[int, ...]]:
     """Return the axis and the fast end of each row."""
     return [(axis, *end) for axis, end in zip(
-        one.axis.tolist(), fast_ends(one.rows), strict=True)]
+        fitted.axis.tolist(), fast_ends(fitted.rows), strict=True)]
 
 
-def _drawn(fits: Sequence[Fitted], axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
-    """Draw from all models of each axis near its best; those of the same spectra in one batch."""
-    every, evidence = (np.concatenate(each) for each in zip(
-        *((one.axis, one.rows.evidence) for one in fits), strict=True))
-    top, total = (np.array([measure(evidence[every == axis]) for axis in axes])
+def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
+    """Draw from all models of each axis near its best, in one batch."""
+    spectra, evidence = fitted.spectra, fitted.rows.evidence
+    top, total = (np.array([measure(evidence[fitted.axis == axis]) for axis in axes])
                   for measure in (np.max, np.logaddexp.reduce))
+    rows = best_of(spectra, fitted.rows.take(evidence > top[fitted.axis] - KEPT), KEPT, 10)
+    own = fitted.axes[rows.of]
+    # Draw most from the models of the largest weight, which set the interval ends.
+    weights = np.exp(rows.evidence - total[own])
+    counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
     found: list[list[Drawn]] = [[] for _ in axes]
-    for one in fits:
-        near = one.rows.take(one.rows.evidence > top[one.axis] - KEPT)
-        if not len(near):
-            continue
-        rows = best_of(one.spectra, near, KEPT, 10)
-        own = one.axes[rows.of]
-        # Draw most from the models of the largest weight, which set the interval ends.
-        weights = np.exp(rows.evidence - total[own])
-        counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
-        for i, (axis, draws) in enumerate(zip(
-                own.tolist(), sample(one.spectra, rows, counts), strict=True)):
-            found[axis].append(Drawn(rows.take(np.array([i])), one.spectra,
-                                     one.trends[rows.of[i]], draws))
-    return [_weighted(own) for own in found]
+    for i, draws in enumerate(sample(spectra, rows, counts)):
+        found[own[i]].append(Drawn(
+            rows.take(np.array([i])), spectra, fitted.trends[rows.of[i]], draws))
+    return [_weighted(models) for models in found]
 
 
 def _weighted(models: Sequence[Drawn]) -> tuple[Drawn, ...]:

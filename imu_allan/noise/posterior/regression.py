@@ -75,6 +75,9 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
     log_det = 0.0
     # Eliminating A leaves A^-1 in its place, A^-1 b beside it, and -b'A^-1 b in the corner.
     for k in range(count):
+        if not norm[k].any():
+            table[k, k] = 1.0
+            continue
         pivot = table[k, k] + ridge[k]
         log_det = log_det + np.log(pivot).sum(axis=1)
         row = table[k] / pivot

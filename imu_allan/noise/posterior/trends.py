@@ -34,6 +34,7 @@ from imu_allan.noise.posterior.search import (
     rows_of,
     TIME,
 )
+from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.temperature import TemperatureSeries
@@ -171,6 +172,8 @@ class Fitted:
         Axis of each spectrum.
     trends : sequence of tuple of Found
         Trends of each spectrum.
+    groups : sequence of Groups
+        From which each spectrum has its regressors.
 
     """
 
@@ -178,11 +181,23 @@ class Fitted:
     rows: Rows
     axes: Ints
     trends: Sequence[tuple[Found, ...]]
+    groups: Sequence[Groups]
 
     @property
     def axis(self) -> Ints:
         """Return the axis of each row."""
         return self.axes[self.rows.of]
+
+    def joined(self, others: Sequence['Fitted']) -> 'Fitted':
+        """Join fits of the same spectra with other trends."""
+        every = [self, *others]
+        axes = np.concatenate([one.axes for one in every])
+        groups = [own for one in every for own in one.groups]
+        before = np.cumsum([0, *(len(one.axes) for one in every)])
+        rows = [replace(one.rows, of=first + one.rows.of)
+                for first, one in zip(before, every, strict=False)]
+        return Fitted(self.spectra.with_regressors(groups, axes), Rows.joined(rows), axes,
+                      [own for one in every for own in one.trends], groups)
 
 
 class Bank:
@@ -411,27 +426,27 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
     tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
                          for number, (search, _) in enumerate(candidates)])
     # Half a nat is close enough to locate the trend.
-    beside, rows = _climbed(spectra, candidates, tried, 0.5)
+    beside, rows, _ = _climbed(spectra, candidates, tried, 0.5)
     # At first, a strong trend passes for noise: refine it after both are fitted together.
     candidates = [_nearer(candidate, beside, of_axis(rows, number))
                   for number, candidate in enumerate(candidates)]
-    beside, rows = _climbed(spectra, candidates, rows)
+    beside, rows, groups = _climbed(spectra, candidates, rows)
     occam = np.empty(len(rows))
     for number, (_, found) in enumerate(candidates):
         own = of_axis(rows, number)
         occam[rows.of == number] = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
     return Fitted(beside, replace(rows, evidence=rows.evidence + occam, prior=rows.prior + occam),
                   np.array([search.axis for search, _ in candidates]),
-                  [found for _, found in candidates])
+                  [found for _, found in candidates], groups)
 
 
 def _climbed(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
-             tolerance: float = 0.02) -> tuple[Spectra, Rows]:
+             tolerance: float = 0.02) -> tuple[Spectra, Rows, list[Groups]]:
     """Fit rows with their candidates; `of` of a row is the candidate's index."""
     groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
               for search, found in candidates]
-    beside = spectra.with_regressors(groups, [search.axis for search, _ in candidates])
-    return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance)
+    beside = spectra.with_regressors(groups, np.array([search.axis for search, _ in candidates]))
+    return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance), groups
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
