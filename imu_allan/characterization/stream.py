@@ -328,11 +328,8 @@ class Characterization:
             No object arrays, so that it can be stored without pickle.
 
         """
-        memory = replace(self._memory, groups=[
-            replace(group, estimator=group.estimator.without_room())
-            for group in self._memory.groups])
         return {**{f'timeline/{key}': value for key, value in self.timeline.to_state().items()},
-                **{f'memory/{key}': value for key, value in state_of(memory).items()}}
+                **{f'memory/{key}': value for key, value in state_of(self._memory).items()}}
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> Characterization:

@@ -4,7 +4,6 @@
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -48,8 +47,8 @@ class Estimator(MultiAxis):
         The first sample, which is subtracted from all.
     pyramid, periodogram, signal, census, interpolation_sums
         Statistics of the samples.
-    chunk : ndarray, shape (axes, room)
-        Buffer of `held` samples that are not processed yet; a saved one has no room for others.
+    chunk : ndarray, shape (axes, n)
+        Samples that are not processed yet.
     interpolated_rows : list of int
         Interpolated rows of the chunk, in rising order.
     run, first : int
@@ -72,7 +71,6 @@ class Estimator(MultiAxis):
     interpolated: int = 0
     run: int = 0
     first: int = 0
-    held: int = 0
     reference: Array | None = field(default=None, metadata=AXES_FIRST)
     interpolated_rows: list[int] = field(default_factory=list)
     interpolation_sums: InterpolationSums = field(default_factory=InterpolationSums)
@@ -103,7 +101,7 @@ class Estimator(MultiAxis):
     @property
     def next_place(self) -> tuple[int, int]:
         """Return the number of the current run, and the place of its next sample."""
-        return self.run, self.first + self.held
+        return self.run, self.first + self.chunk.shape[1]
 
     def update(self, samples: ArrayLike, interpolated: Sequence[int] | Ints = ()) -> None:
         """
@@ -143,19 +141,23 @@ class Estimator(MultiAxis):
             return
         if self.reference is None:
             self.reference = block[0].copy()
-        if (room := CHUNK - self.chunk.shape[1]):
-            self.chunk = np.pad(self.chunk, ((0, 0), (0, room)))
+        # The chunk is the part in use of an array with room for more, unless it is a copy.
+        room = self.chunk.base
+        if not isinstance(room, np.ndarray) or room.shape != (self.axes, CHUNK):
+            room = np.empty((self.axes, CHUNK))
+            room[:, :self.chunk.shape[1]] = self.chunk
         start = 0
         while start < len(block):
-            take = min(CHUNK - self.held, len(block) - start)
+            held = self.chunk.shape[1]
+            take = min(CHUNK - held, len(block) - start)
+            self.chunk = room[:, :held + take]
             np.subtract(block[start:start + take].T, self.reference[:, None],
-                        out=self.chunk[:, self.held:self.held + take])
+                        out=self.chunk[:, held:])
             if places:
                 low, high = (bisect_left(places, end) for end in (start, start + take))
-                self.interpolated_rows += [self.held + row - start for row in places[low:high]]
-            self.held += take
+                self.interpolated_rows += [held + row - start for row in places[low:high]]
             start += take
-            if self.held == CHUNK:
+            if held + take == CHUNK:
                 self._absorb()
         self.samples += len(block)
         self.interpolated += len(places)
@@ -201,10 +203,9 @@ class Estimator(MultiAxis):
         """Mean of each axis over all samples, shape (axes,); NaN before the first."""
         if self.reference is None:
             return np.full(self.axes, np.nan)
-        held = self.chunk[:, :self.held]
         series = self.periodogram.series
-        total = series.sums.sum(axis=1) + held.sum(axis=1)
-        return np.asarray(self.reference + total / (series.counts.sum() + held.shape[1]))
+        total = series.sums.sum(axis=1) + self.chunk.sum(axis=1)
+        return np.asarray(self.reference + total / (series.counts.sum() + self.chunk.shape[1]))
 
     def merge(self, other: 'Estimator') -> None:
         """
@@ -239,28 +240,26 @@ class Estimator(MultiAxis):
 
     def _absorb(self) -> None:
         """Process the samples in the chunk."""
-        if not self.held:
+        rows, own = self.chunk, self._without_interpolated()
+        if self.reference is None or not rows.size:
             return
-        assert self.reference is not None
-        rows, own = self.chunk[:, :self.held], self._without_interpolated()
         if own.shape[1]:
             self.census.count(own, self.reference)
-        self.interpolation_sums.add(self.interpolated_rows, self.held)
+        self.interpolation_sums.add(self.interpolated_rows, rows.shape[1])
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, self.run, self.first)
         self.signal.absorb(rows)
-        self.first += self.held
-        self.held, self.interpolated_rows = 0, []
+        self.first += rows.shape[1]
+        self.chunk, self.interpolated_rows = rows[:, :0], []
 
     def _without_interpolated(self) -> Array:
         """Return the samples in the chunk that are not interpolated."""
-        held = self.chunk[:, :self.held]
         if not self.interpolated_rows:
-            return held
-        own = np.ones(self.held, dtype=np.bool_)
+            return self.chunk
+        own = np.ones(self.chunk.shape[1], dtype=np.bool_)
         own[self.interpolated_rows] = False
         # `take` keeps the rows contiguous, for speed; `delete` would not.
-        return held.take(np.flatnonzero(own), axis=1)
+        return self.chunk.take(np.flatnonzero(own), axis=1)
 
     def to_state(self) -> State:
         """
@@ -272,13 +271,7 @@ class Estimator(MultiAxis):
             State for `from_state`, without object arrays, so that it can be stored without pickle.
 
         """
-        return state_of(self.without_room())
-
-    def without_room(self) -> 'Estimator':
-        """Return a shallow copy to be saved, whose chunk has only the samples in use."""
-        twin = copy(self)
-        twin.chunk = self.chunk[:, :self.held]
-        return twin
+        return state_of(self)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> 'Estimator':

@@ -9,6 +9,7 @@ borders of the columns depend only on the places, not on how the samples arrived
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 from imu_allan.arrays import Array, Ints
@@ -91,22 +92,21 @@ class Signal(EqualParts):
         n = rows.shape[1]
         while self.place + n > COLUMNS * self.width:
             self.widen()
-        begin = 0
-        while begin < n:
-            column, inside = divmod(self.place, self.width)
-            whole = (n - begin) // self.width
-            if inside or not whole:
-                take, whole = min(self.width - inside, n - begin), 1
-            else:
-                take = whole * self.width
-            part = rows[:, begin:begin + take].reshape(self.axes, whole, -1)
-            here = slice(column, column + whole)
-            self.counts[here] += take // whole
+        # The rest of a column, whole columns, and the beginning of another one.
+        head = min(-self.place % self.width, n)
+        whole = (n - head) // self.width
+        ends = pairwise((0, head, head + whole * self.width, n))
+        for (begin, end), columns in zip(ends, (1, whole, 1), strict=True):
+            if begin == end:
+                continue
+            part = rows[:, begin:end].reshape(self.axes, columns, -1)
+            first = self.place // self.width
+            here = slice(first, first + columns)
+            self.counts[here] += part.shape[2]
             self.sums[:, here] += part.sum(axis=2)
             np.minimum(self.low[:, here], part.min(axis=2), out=self.low[:, here])
             np.maximum(self.high[:, here], part.max(axis=2), out=self.high[:, here])
-            self.place += take
-            begin += take
+            self.place += end - begin
 
     def columns(self) -> Columns:
         """Return the columns up to the last sample."""
