@@ -3,10 +3,9 @@
 """Spectrum and means of part of a record, from a finished periodogram."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from imu_allan.arrays import Array
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.groups import grouped, Groups, stacked
@@ -99,24 +98,22 @@ class Part:
         power = segments.power[axis, self.first:self.last].sum(axis=0)
         parts = []
         for length, step in TRANSFORMS:
-            place = layout(length, step)
-            frequency, design, ramp = _shapes(length, step, self.dt, self.interpolation)
-            keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
-            bands = place.bands[keep]
-            nothing = np.zeros(len(bands))
-            parts.append(Groups(
-                frequency[keep], dof[bands].astype(np.float64), power[bands] / dof[bands],
-                design[keep], ramp[keep], np.full(len(bands), float(step)),
-                np.full(len(bands), float(length)), np.full(len(bands), self.interpolation.share),
-                nothing[:, None], nothing[:, None, None]))
+            place, bands = layout(length, step), _bands(length, step, self.dt, self.interpolation)
+            known = dof[place.bands]
+            parts.append(replace(
+                bands, dof=known.astype(np.float64),
+                power=power[place.bands] / np.maximum(known, 1),
+            ).select((known > 0) & (bands.frequency * self.dt >= self._border)))
         return stacked(parts)
 
 
 @lru_cache(maxsize=16)
-def _shapes(length: int, step: int, dt: float, interpolation: Interpolation
-            ) -> tuple[Array, Array, Array]:
-    """Return frequency, design and ramp of the bands of a block, common to all axes and parts."""
+def _bands(length: int, step: int, dt: float, interpolation: Interpolation) -> Groups:
+    """Return the bands of a block without their power, common to all axes and parts."""
     place = layout(length, step)
     nothing = SpectrumSection(step, length, 1, place.first, place.last, np.zeros((1, length)))
     bins = bins_of([nothing], dt, interpolation)
-    return place.means(bins.frequency), place.means(bins.design), place.means(bins.ramp)
+    zero = np.zeros(len(place.bands))
+    return Groups(place.means(bins.frequency), zero, zero, place.means(bins.design),
+                  place.means(bins.ramp), bins.step[place.starts], bins.length[place.starts],
+                  bins.interpolated[place.starts], zero[:, None], zero[:, None, None])
