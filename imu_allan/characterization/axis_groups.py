@@ -13,7 +13,7 @@ from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
-from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 import numpy as np

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.cells import Cells, centres
 from imu_allan.noise.record.signal_over_time import Columns
-from imu_allan.noise.trends.temperature import between_steps, TemperatureSeries
+from imu_allan.noise.trends.temperature_series import between_steps, TemperatureSeries
 from imu_allan.result import Signal
 from imu_allan.state import Record
 import numpy as np

@@ -13,7 +13,7 @@ from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.posterior.trends import (
+from imu_allan.noise.posterior.trend_search import (
     Bank,
     lags_of,
     TRENDS,
@@ -37,7 +37,7 @@ from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends.mean_in_blocks import Waveform, without_mean
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
-from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import Tone
 import numpy as np
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The two clocks of a message: which one to trust, and where it repeats, jumps or runs backward.
+The two clocks of a message: what makes one unusable, where it jumps, runs backward or repeats.
 
 All stamps are int64 nanoseconds. The header stamp is when the driver says the sample was taken,
 the receive stamp is when the recorder or the subscription got the message.

@@ -8,7 +8,8 @@ from characterized import B, covers, joint_fits, K, N, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
-from imu_allan.noise.posterior.evidence import maximise_rows, sample
+from imu_allan.noise.posterior.draws import sample
+from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.non_negative import non_negative

@@ -6,7 +6,7 @@ from functools import partial
 
 from characterized import B, characterized, covers, ends, holds, K, N
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.temperature_series import TemperatureSeries
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from imu_allan.arrays import Array
-from imu_allan.noise.posterior.evidence import evenly
+from imu_allan.noise.posterior.draws import evenly
 from imu_allan.noise.posterior.judgments import CHANGE_MEDIAN, CHANGE_SPREAD, STEADY_LEVEL
 import numpy as np
 from scipy.special import ndtri

@@ -29,7 +29,7 @@ from imu_allan.noise.posterior.shapes import (
     TERM_SHAPES,
     WHITE,
 )
-from imu_allan.noise.posterior.trends import TrendKind, waveforms
+from imu_allan.noise.posterior.trend_search import TrendKind, waveforms
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum

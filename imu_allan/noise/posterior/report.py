@@ -35,7 +35,7 @@ from imu_allan.noise.posterior.judgments import (
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends.regressors import RecordSpectrum
-from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
 import numpy as np
 

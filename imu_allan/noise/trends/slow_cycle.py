@@ -16,7 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.prepared import smoothed
 from imu_allan.noise.posterior.regression import about_mean
-from imu_allan.noise.posterior.trends import AxisBank, Bank
+from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (

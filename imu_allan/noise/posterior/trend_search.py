@@ -37,7 +37,7 @@ from imu_allan.noise.posterior.search import (
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.mean_in_blocks import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
-from imu_allan.noise.trends.temperature import TemperatureSeries
+from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.noise.trends.waveforms import cycle, legendre, step, warming
 import numpy as np
 
