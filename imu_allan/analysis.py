@@ -149,14 +149,14 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
     return analyzed(path, Choice(topic, options, reading, start_s, duration_s), progress)
 
 
-def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None
-             ) -> Result:
-    """Do the work of `analyze`."""
+def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None,
+             recording: Recording | None = None) -> Result:
+    """Do the work of `analyze`; `recording` is given if it is open already."""
     files = None
     if isinstance(path, (str, PathLike)):
         # Taken first: if the file is written to meanwhile, it is another recording.
         files = files_digest(Path(path))
-        result = _alone(path, choice, progress)
+        result = _alone(path, choice, progress, recording)
     else:
         result = _together(path, choice, progress)
     from imu_allan.writers.words import with_words
@@ -164,10 +164,11 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
         result.source, options=choice.said(), files=files)))
 
 
-def _alone(path: AnyPath, choice: Choice, progress: Progress) -> Result:
+def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
+           ) -> Result:
     """Return the result of one recording."""
-    with choice.opened(path) as recording:
-        taken = _taken(recording, choice, progress)
+    with choice.opened(path) if recording is None else recording.for_another_topic() as opened:
+        taken = _taken(opened, choice, progress)
     results = []
     for one in taken:
         result = one.characterization.result(one.remarks())

@@ -120,10 +120,9 @@ def _result_of(source: str, args: argparse.Namespace, choice: 'Choice') -> 'Resu
 
     if is_result(source):
         return load_result(source)
-    with choice.opened(source) as recording:
-        size_bytes = recording.size_bytes
-    with progress_bar(source, size_bytes, wanted=not args.no_progress) as bar:
-        return analyzed(source, choice, bar)
+    with choice.opened(source) as recording, progress_bar(
+            source, recording.size_bytes, wanted=not args.no_progress) as bar:
+        return analyzed(source, choice, bar, recording)
 
 
 def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
