@@ -15,7 +15,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import FLICKER, WHITE
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.mean_in_blocks import leaks, Waveform
+from imu_allan.noise.trends.leakage import leaks, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray

@@ -15,10 +15,10 @@ from sources import MODULES, PACKAGE
 PAGE = (PACKAGE.parent / 'docs' / 'statistics.md').read_text()
 NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_noise': 'Q',
          'gauss_markov': 'Gauss-Markov process', 'power_law': 'exponent',
-         'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
+         'exponential_average': 'exponential average', 'output_noise': 'white noise of the output',
          'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
          'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
-OTHERS = '1 to 3 moving means, two poles, Butterworth 1 to 4, Gauss'
+OTHERS = '1 to 3 moving averages, two poles, Butterworth 1 to 4, Gauss'
 
 
 @pytest.mark.parametrize('module', sorted(

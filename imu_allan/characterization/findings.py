@@ -35,7 +35,7 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> Iterator[Fi
 
 
 def fit_remarks(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
-    """Report what the noise of an axis contains besides the coefficients, and a moving mean."""
+    """Report what the noise of an axis contains besides the coefficients, and its trends."""
     unit = quantity.unit
     if fitted.high_pass_hz is not None:
         yield finding('high_passed', corner_hz=fitted.high_pass_hz)

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
-from imu_allan.noise.posterior.estimates import expected, moving_mean
+from imu_allan.noise.posterior.estimates import expected, fitted_trend
 from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
@@ -34,7 +34,7 @@ from imu_allan.noise.stationarity import (
     white_ratio,
 )
 from imu_allan.noise.tones import find_lines, vibrations
-from imu_allan.noise.trends.mean_in_blocks import Waveform, without_mean
+from imu_allan.noise.trends.leakage import detrended, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
@@ -107,7 +107,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
-    for without in (_without_found_cycle, _without_found_mean):
+    for without in (_without_found_cycle, _without_found_trends):
         changed = {number: calm for number, (source, posterior) in enumerate(
             zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
         again = [number for number, calm in changed.items() if calm.differs_from(sources[number])]
@@ -192,16 +192,16 @@ class _Source:
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 
-    def without_moving_mean(self, finished: Estimator, record: RecordSpectrum, *means: Waveform
-                            ) -> '_Source':
+    def detrended(self, finished: Estimator, record: RecordSpectrum, *trends: Waveform
+                  ) -> '_Source':
         """
-        Remove a moving mean and the cycle from the segments and quarters.
+        Remove trends and the cycle from the segments and quarters.
 
-        `record`: the spectrum without their leakage. `means`: the moving mean, besides the cycle.
+        `record`: the spectrum without their leakage. `trends`: those besides the cycle.
         """
-        parts = means if self.cycle is None else (*means, self.cycle.cycle.trend)
-        calm = without_mean(finished.periodogram, self.axis, record.dt,
-                            lambda time: np.sum([part(time) for part in parts], axis=0))
+        parts = trends if self.cycle is None else (*trends, self.cycle.cycle.trend)
+        calm = detrended(finished.periodogram, self.axis, record.dt,
+                         lambda time: np.sum([part(time) for part in parts], axis=0))
         segments = segment_powers(calm)
         return replace(
             self, record=record, quarters=_quarters(calm, record.dt, finished), own=0,
@@ -248,7 +248,7 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
     for source, own in zip(sources, found, strict=True):
         cycle = own or known_cycle(source.record.with_trends(beside), known)
         if cycle is not None:
-            source = replace(source, cycle=cycle).without_moving_mean(
+            source = replace(source, cycle=cycle).detrended(
                 finished, replace(cycle.record, trends=()))
         record = source.record
         lines = vibrations(source.lines, None if cycle is None else cycle.period_s,
@@ -273,18 +273,18 @@ def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estima
     cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
     if cycle is None or len(cycle.cycle.sizes) <= 2:
         return None
-    return replace(source, cycle=cycle).without_moving_mean(
+    return replace(source, cycle=cycle).detrended(
         finished, replace(cycle.record, trends=()))
 
 
-def _without_found_mean(source: _Source, posterior: Posterior, finished: Estimator
+def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator
                         ) -> _Source | None:
-    """Remove a moving mean, which would pass for changing noise; None if there is none."""
-    found = moving_mean(posterior, source.record)
+    """Remove trends, which would pass for changing noise; None if there are none."""
+    found = fitted_trend(posterior, source.record)
     if found is None:
         return None
-    mean, noise = found
-    return source.without_moving_mean(finished, source.record.without_leak(mean, noise), mean)
+    trend, noise = found
+    return source.detrended(finished, source.record.without_leak(trend, noise), trend)
 
 
 def _change(posterior: Posterior, source: _Source, dt: float) -> Change:

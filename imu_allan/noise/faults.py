@@ -9,8 +9,8 @@ records can be added, and the step of the output need not be known.
 
 A clipped output has too many samples at an end of its range. For Gaussian noise that is rounded to
 steps, a share p in the last step with nothing beyond it is unlikely. If Q(z) = p, n Q(z + d)
-samples are expected beyond, with the step d in units of the noise of a sample. A moving mean only
-adds to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
+samples are expected beyond, with the step d in units of the noise of a sample. A trend only adds
+to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
 """
 
 from collections.abc import Sequence

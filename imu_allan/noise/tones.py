@@ -37,7 +37,7 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     all bins of the axis; the noise fitted to them flattens the spectrum. Returns: the lines, the
     strongest first, and a mask of the bins, False for those of a line or its side lobes.
     """
-    theta = maximise(groups, moving_mean=True).theta
+    theta = maximise(groups, detrend=True).theta
     ramp = about_mean(groups)(groups.design @ theta).ramp
     expected = np.maximum(bins.design @ theta, 1e-300)
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))

@@ -58,7 +58,8 @@ def test_quantization_far_above_its_detection_limit_is_found():
 
 
 @pytest.mark.parametrize(('key', 'error'), [
-    ('recursive_mean', 0.02), ('butterworth_2', 0.03), ('gauss', 0.03), ('butterworth_4', 0.15)])
+    ('exponential_average', 0.02), ('butterworth_2', 0.03), ('gauss', 0.03),
+    ('butterworth_4', 0.15)])
 def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
     """Power of the coefficients of blocks of 64, by the covariance of the samples."""
     [shape] = [shape for shape in LOW_PASSES if shape.key == key]

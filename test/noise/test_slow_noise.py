@@ -114,7 +114,8 @@ def test_nothing_else_is_taken_for_a_power_law(terms, low_pass):
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'crossing_hz', 'share'), [
     (20.0, 300, 0.7, 0.26), slow(20.0, 1800, 0.7, 0.26), slow(20.0, 300, 0.1, 0.26),
     slow(50.0, 300, 5, 0.12), slow(100.0, 60, 2, 0.2), (100.0, 300, 5, 0.12)])
-def test_flicker_within_a_recursive_mean_is_no_power_law(rate_hz, duration_s, crossing_hz, share):
+def test_flicker_behind_an_exponential_average_is_no_power_law(
+        rate_hz, duration_s, crossing_hz, share):
     terms = {N: DENSITY, B: DENSITY * np.sqrt(2 * np.pi * crossing_hz)}
     records = [simulate(terms, int(rate_hz * duration_s) + 500, rate_hz, seed)
                for seed in range(4)]

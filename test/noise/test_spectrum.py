@@ -98,7 +98,7 @@ def test_allan_variance_is_the_formula_of_the_standard(key, expected):
 
 @pytest.mark.parametrize('share', [1.0, 0.5, 0.2, 0.05])
 @pytest.mark.parametrize('size', [1, 2, 7, 8, 9, 16, 300])
-def test_allan_variance_behind_a_recursive_mean_is_that_of_its_weights(share, size):
+def test_allan_variance_behind_a_exponential_average_is_that_of_its_weights(share, size):
     # The difference of two cluster means is a weighted sum of independent samples.
     dt, nu = 0.25, np.geomspace(1e-4, 0.5, 200)
     difference = np.concatenate((np.full(size, -1.0), np.full(size, 1.0))) / size

@@ -31,7 +31,7 @@ from imu_allan.noise.posterior.shapes import (
 )
 from imu_allan.noise.posterior.trend_search import TrendKind, waveforms
 from imu_allan.noise.terms import TERMS
-from imu_allan.noise.trends.mean_in_blocks import Waveform
+from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -304,7 +304,7 @@ def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
                     float(value - half), float(value + half), float(abs(value) + half))
 
 
-def moving_mean(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform, Array] | None:
+def fitted_trend(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform, Array] | None:
     """
     Return the mean of the most probable model, and the power of its noise in the bins.
 

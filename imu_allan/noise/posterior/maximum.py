@@ -36,7 +36,7 @@ class Solution(NamedTuple):
 
 
 def maximise(groups: Groups, start: Array | None = None, *,
-             fixed: dict[int, float] | None = None, moving_mean: bool = False,
+             fixed: dict[int, float] | None = None, detrend: bool = False,
              tolerance: float = 1e-7) -> Solution:
     """
     Maximise the likelihood of the squared coefficients, (6) or (7) of docs/statistics.md.
@@ -49,7 +49,7 @@ def maximise(groups: Groups, start: Array | None = None, *,
         Starting values.
     fixed : dict, optional
         Squared coefficients to hold fixed, by column.
-    moving_mean : bool, optional
+    detrend : bool, optional
         Remove the regressors of the groups, including the ramp, from the power.
     tolerance : float, optional
         Stop when the loss decreases by less than this.
@@ -57,7 +57,7 @@ def maximise(groups: Groups, start: Array | None = None, *,
     Returns
     -------
     Solution
-        With `moving_mean`, the loss is that of the residual power.
+        With `detrend`, the loss is that of the residual power.
 
     References
     ----------
@@ -83,7 +83,7 @@ def maximise(groups: Groups, start: Array | None = None, *,
     design = np.ascontiguousarray(groups.design.T[free])
     offset = groups.design[:, list(held)] @ np.array(list(held.values()))
     tiny = 1e-12 * float(groups.power.max(initial=0.0)) + 1e-300
-    about = about_mean(groups) if moving_mean else None
+    about = about_mean(groups) if detrend else None
     power, part, value = groups.power, np.zeros(len(free)), np.inf
     # Without starting values, expect the observed power.
     expected = np.maximum(power, tiny)

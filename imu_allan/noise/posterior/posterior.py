@@ -41,7 +41,7 @@ from imu_allan.noise.posterior.trend_search import (
     waveforms,
 )
 from imu_allan.noise.record.groups import Groups
-from imu_allan.noise.trends.mean_in_blocks import Waveform
+from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 

@@ -69,7 +69,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     """
     power, levels, slower = [], [], []
     for one in groups:
-        first = maximise(one, moving_mean=True, tolerance=1e-3)
+        first = maximise(one, detrend=True, tolerance=1e-3)
         slower.append(_of_slower_half(one))
         # A stop band passes for the end of a steep slope, so that all groups together give far
         # too strong a random walk.
@@ -178,7 +178,7 @@ def _of_slower_half(groups: Groups) -> Array:
     """Return the squared coefficients of a fit of the terms to the slower half of the groups."""
     count = len(groups.frequency)
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
-    return maximise(groups.below(below), fixed={0: 0.0}, moving_mean=True, tolerance=1e-2).theta
+    return maximise(groups.below(below), fixed={0: 0.0}, detrend=True, tolerance=1e-2).theta
 
 
 def _start(groups: Groups, unit: Array, level: Array, slower: Array) -> Start:

@@ -102,7 +102,7 @@ def residual_power(power: Array, products: Array, size: Array, covariance: Array
 
 
 class AboutMean(NamedTuple):
-    """Spectrum without the moving mean."""
+    """Spectrum without the mean and its trends."""
 
     blocks: Array    # (groups,): power without the ramp in blocks, which have no signed values
     noise: Array    # (groups,): power without the mean, as expected of the noise alone

@@ -151,7 +151,7 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
         below = _with(x, {N: _white(spectra, axis, start, int(np.searchsorted(nu, nu[edge] / 3)))})
         yield Model(slow, below, edge=edge)
         # These filters may begin to roll off below an edge.
-        for key, corner in (('recursive_mean', 2 * np.sin(np.pi * nu[edge])),
+        for key, corner in (('exponential_average', 2 * np.sin(np.pi * nu[edge])),
                             ('butterworth_2', np.tan(min(np.pi * nu[edge], 1.2)))):
             family = families.index(key)
             corner = np.clip(np.log(corner), table.first[family], table.last[family])
@@ -170,8 +170,8 @@ def _filtered(spectra: Spectra, axis: int, start: Start, dt: float, slots: Seque
     for family, shape in enumerate(LOW_PASSES):
         first, last = table.first[family], table.last[family]
         last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
-        # Each notch of a moving mean may be a maximum of its own.
-        count = 13 if shape.key == 'moving_mean' else 7
+        # Each notch of a moving average may be a maximum of its own.
+        count = 13 if shape.key == 'moving_average' else 7
         for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), count):
             # Start with white noise at the level of the spectrum in the pass band.
             at = min(int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0))), len(nu) - 1)

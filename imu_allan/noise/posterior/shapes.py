@@ -90,7 +90,7 @@ def _butterworth(order: int) -> Power:
     return lambda nu, corner: 1 / (1 + (np.tan(np.pi * nu) / np.exp(corner)) ** (2 * order))
 
 
-def _moving_mean(times: int) -> Power:
+def _moving_average(times: int) -> Power:
     return lambda nu, corner: (np.sinc(nu / np.exp(corner)) / np.sinc(nu)) ** (2 * times)
 
 
@@ -103,7 +103,7 @@ def _high_pass(nu: Array, corner: float) -> Array:
 
 WHITE, FLICKER, WALK = 'noise_density', 'bias_instability', 'rate_random_walk'
 SMOOTH_DRIFT = 'smooth_drift'
-GENTLE = 'recursive_mean'
+GENTLE = 'exponential_average'
 
 TERM_SHAPES = (
     Shape('quantization_noise', 0.3, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
@@ -136,10 +136,10 @@ LOW_PASSES = (
     Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
     # The notches need a finer grid than the other filters.
-    Shape('moving_mean', 0.05, _moving_mean(1), _of_corner(0.9, 0.04)),
+    Shape('moving_average', 0.05, _moving_average(1), _of_corner(0.9, 0.04)),
     # A Bartlett window, and the decimator of a delta-sigma converter.
-    Shape('moving_mean_2', 0.05, _moving_mean(2), _of_corner(0.9)),
-    Shape('moving_mean_3', 0.05, _moving_mean(3), _of_corner(0.9)),
+    Shape('moving_average_2', 0.05, _moving_average(2), _of_corner(0.9)),
+    Shape('moving_average_3', 0.05, _moving_average(3), _of_corner(0.9)),
     Shape('two_poles', 0.05, lambda nu, corner: _butterworth(1)(nu, corner)**2, _of_corner(20.0)),
     Shape('butterworth_1', 0.05, _butterworth(1), _of_corner(20.0)),
     Shape('butterworth_2', 0.05, _butterworth(2), _of_corner(4.0)),

@@ -35,7 +35,7 @@ from imu_allan.noise.posterior.search import (
     TIME,
 )
 from imu_allan.noise.record.groups import Groups
-from imu_allan.noise.trends.mean_in_blocks import Waveform
+from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.noise.trends.waveforms import cycle, legendre, step, warming
@@ -582,7 +582,7 @@ def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     Propose noise models for the search for trends, each with and without a random walk.
 
     They are combinations of the terms, and the slow noise of the best model. Each is tried with
-    the fast end of the best model and a plain one, since a moving mean can pass for a filter.
+    the fast end of the best model and a plain one, since a trend can pass for a filter.
     """
     has, x, edge, family = best.has[0], best.x[0], int(best.edge[0]), int(best.family[0])
     bent = tuple(slot for slot in FAST if has[slot])

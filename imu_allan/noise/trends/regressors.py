@@ -16,7 +16,7 @@ from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.mean_in_blocks import is_negligible, leaks, Waveform
+from imu_allan.noise.trends.leakage import is_negligible, leaks, Waveform
 import numpy as np
 from scipy.fft import dct
 
@@ -80,16 +80,16 @@ class RecordSpectrum:
         return lambda time: np.asarray(sum(size * trend(time) for size, trend in zip(
             sizes.ravel(), (ramp, *self.trends), strict=True)))
 
-    def without_leak(self, mean: Waveform, noise: Array) -> 'RecordSpectrum':
+    def without_leak(self, trend: Waveform, noise: Array) -> 'RecordSpectrum':
         """
-        Return the spectrum of this axis without the leakage of a moving mean into the blocks.
+        Return the spectrum of this axis without the leakage of a trend into the blocks.
 
         Regressors apply to the coefficients of the whole record only; blocks are shorter and keep
-        only power. Their leakage depends on the slopes of the mean at both ends. Bins with too
+        only power. Their leakage depends on the slopes of the trend at both ends. Bins with too
         much or unknown leakage, compared with `noise` of shape (bins,), are left out.
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
-        leak, bound = leaks(self.sections, self.dt, self.duration_s, mean)
+        leak, bound = leaks(self.sections, self.dt, self.duration_s, trend)
         keep = is_negligible(leak, bound, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)

@@ -119,7 +119,7 @@ def _noise(record: RecordSpectrum) -> Array:
     last = len(groups.frequency) - 1
     # At least 24 bands are needed to estimate the slow noise.
     below = groups.below(float(groups.frequency[min(max(24, last // 2), last)]))
-    return maximise(below, fixed={QUANTIZATION: 0.0}, moving_mean=True, tolerance=1e-2).theta
+    return maximise(below, fixed={QUANTIZATION: 0.0}, detrend=True, tolerance=1e-2).theta
 
 
 def _expected(spectrum: Bins | Groups, noise: Array) -> Array:

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 
 from imu_allan.arrays import Array
-from imu_allan.noise.trends.mean_in_blocks import Waveform
+from imu_allan.noise.trends.leakage import Waveform
 import numpy as np
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functions of time that describe trends of the mean: bends, steps, warm-ups, cycles."""
 
-from imu_allan.noise.trends.mean_in_blocks import Waveform
+from imu_allan.noise.trends.leakage import Waveform
 import numpy as np
 
 

@@ -232,7 +232,7 @@ def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():
     for first, last in ((0, used), (0, used // 2), (used // 2, used), (3, 5)):
         groups = Part(finished, 0.01, first, last).groups(0)
         assert (np.diff(groups.frequency) > 0).all()
-        _, density, flicker, _ = np.sqrt(maximise(groups, moving_mean=True).theta)
+        _, density, flicker, _ = np.sqrt(maximise(groups, detrend=True).theta)
         assert density == pytest.approx(LOUDER[N], rel=0.03)
         assert flicker == pytest.approx(LOUDER[B], rel=0.35)
         # In bands of an eighth of an octave.

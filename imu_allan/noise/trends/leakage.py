@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Leakage of a moving mean into blocks, which are too short for regressors and keep only power.
+Leakage of a trend into blocks, which are too short for regressors and keep only power.
 
 For a trend that is smooth over a block, the transform depends only on its slopes at the two ends.
 The leakage is computed from the trend fitted to the whole record, and subtracted. Bins where it is
@@ -24,16 +24,16 @@ _MOST = 0.2
 """Leakage up to this share of the noise is subtracted; beyond, bins are left out. By judgment."""
 
 
-def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mean: Waveform
+def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, trend: Waveform
           ) -> tuple[Array, Array]:
     """
-    Return the power that a moving mean leaks into the bins of blocks, or an upper bound of it.
+    Return the power that a trend leaks into the bins of blocks, or an upper bound of it.
 
     The longest blocks of a stage are consecutive. The positions of shorter ones, from the ends of
     segments, are unknown, so only a bound can be given.
 
     `sections`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
-    the record to its end. `mean`: over the record. Returns `leak`, `bound`, shape (bins,): zero
+    the record to its end. `trend`: over the record. Returns `leak`, `bound`, shape (bins,): zero
     for the coefficients of the whole record.
     """
     longest = longest_blocks(sections)
@@ -42,7 +42,7 @@ def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, mea
         leak, bound = np.zeros((2, section.last - section.first))
         if section.coefficients is None:
             step = section.step * dt
-            ends = _slopes(mean, 0.0, duration_s, section.length * step)
+            ends = _slopes(trend, 0.0, duration_s, section.length * step)
             index = np.arange(section.first, section.last)
             if section.length == longest[section.step]:
                 leak = _of_slopes(section.length, step, index, *ends)
@@ -60,18 +60,18 @@ def is_negligible(leak: Array, bound: Array, noise: Array) -> Bools:
     return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
 
 
-def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform) -> Periodogram:
+def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -> Periodogram:
     """
-    Remove a moving mean from the series and the segments of one axis.
+    Remove a trend from the series and the segments of one axis.
 
     `periodogram`: finished; it is not changed. `axis`: index of the axis. `dt`: sample interval in
-    seconds. `mean`: over the record. Returns: a copy with this axis only. Bands of segments with
+    seconds. `trend`: over the record. Returns: a copy with this axis only. Bands of segments with
     too much leakage are empty.
     """
     calm = periodogram.select([axis])
     series, segments = calm.series, calm.segments
     middle = (end_to_end(series.keys) + 0.5) * calm.cell
-    calm.shift_cells(-mean(np.asarray(middle * dt, dtype=np.float64)))
+    calm.shift_cells(-trend(np.asarray(middle * dt, dtype=np.float64)))
     seen = np.cumsum(series.counts)
     seen = seen + (segments.samples - (seen[-1] if len(seen) else 0))
     for number in range(segments.used):
@@ -82,11 +82,11 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
             continue
         # Slopes do not show a step within the segment. Only a step is far off a straight line
         # through so many points.
-        jump = np.abs(np.diff(mean(np.linspace(begin, end, 4097)), 2)).max()
+        jump = np.abs(np.diff(trend(np.linspace(begin, end, 4097)), 2)).max()
         for length, step in TRANSFORMS:
             place = layout(length, step)
             index = np.arange(place.first, place.last)
-            slopes = _slopes(mean, begin, end, length * step * dt)
+            slopes = _slopes(trend, begin, end, length * step * dt)
             leak = place.means(_of_slopes(length, step * dt, index, *slopes)
                                + jump**2 * _of_step(length, index) / len(slopes[0]))
             power, dof = segments.power[0, number], segments.dof[number]
@@ -98,12 +98,12 @@ def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Waveform)
     return calm
 
 
-def _slopes(mean: Waveform, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
-    """Return the slopes of a mean at the beginning and at the end of each block."""
+def _slopes(trend: Waveform, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
+    """Return the slopes of a trend at the beginning and at the end of each block."""
     count = max(round((end_s - begin_s) / block_s), 1)
     edges = np.linspace(begin_s, end_s, count + 1)
     near = 1e-3 * block_s
-    slope = (mean(edges + near) - mean(edges - near)) / (2 * near)
+    slope = (trend(edges + near) - trend(edges - near)) / (2 * near)
     return slope[:-1], slope[1:]
 
 
