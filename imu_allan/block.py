@@ -109,3 +109,15 @@ class EvenBlock:
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.samples)
+
+    @property
+    def end(self) -> int:
+        """Position on the grid after the last row."""
+        return self.first_index + len(self.samples)
+
+    def part(self, first: int, last: int, start_s: float) -> EvenBlock:
+        """Return the rows from `first` to before `last`, the first of which is at `start_s`."""
+        low, high = np.searchsorted(self.interpolated, (first, last))
+        return replace(self, samples=self.samples[first:last], start_s=start_s,
+                       first_index=self.first_index + first,
+                       interpolated=self.interpolated[low:high] - first)

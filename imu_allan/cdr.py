@@ -23,11 +23,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from struct import unpack_from
 from typing import Any, Literal
 
-from imu_allan.arrays import Bools, Ints
+from imu_allan.arrays import Bools, Ints, runs
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, shorten
 import numpy as np
@@ -278,10 +277,3 @@ def _as_numbers(start: int, stop: int) -> list[tuple[slice, str]]:
     # The last number may overlap the previous one.
     return [(slice(at, at + width), f'u{width}')
             for at in (*range(start, stop - width, width), stop - width)]
-
-
-def runs(changes: Bools, count: int) -> Iterator[tuple[int, int]]:
-    """Yield spans between changes; `changes[i]` says whether item i + 1 differs from item i."""
-    if count == 0:
-        return
-    yield from pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), count])

@@ -32,7 +32,7 @@ def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """Collect the findings; one about the recording as a whole appears once for each code."""
     return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
             *(finding(code, **found) for code, found in _figures(memory).items()),
-            *_slow_turns(memory.excursions))
+            *_slow_turns(memory.slow_turns))
 
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
@@ -198,11 +198,11 @@ def _clock_figures(memory: Memory) -> Figures:
     return {'clock_speed': {'ratio': header / receive}}
 
 
-def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
+def _slow_turns(turns: Sequence[Sequence[float]]) -> list[Finding]:
     """Report means that moved away and came back: the largest of each axis, and their number."""
     found = []
     for number, (axis, quantity) in enumerate(AXES.items()):
-        own = [one for one in excursions if one[2] == number]
+        own = [one for one in turns if one[2] == number]
         if own:
             start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
             found.append(finding('slow_motion', (axis,), size=size, unit=quantity.unit,

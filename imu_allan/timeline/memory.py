@@ -214,7 +214,7 @@ class Memory(Record):
     pending: Pending = field(default_factory=Pending)  # messages not yet processed
 
     @property
-    def excursions(self) -> list[list[float]]:
+    def slow_turns(self) -> list[list[float]]:
         """Slow turns that were not cut out, unless motion is to be kept."""
         return ([] if self.motion is None or self.options.motion == 'keep'
-                else self.motion.excursions)
+                else self.motion.turns.found)

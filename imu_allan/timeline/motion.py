@@ -7,22 +7,17 @@ Rows are collected in segments and measured in windows. When the neighbours of a
 it is judged against the level of rest, and then kept, or cut out with a margin.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from itertools import pairwise
-from math import log
+from dataclasses import dataclass, field, replace
+from math import inf, log
 
-from imu_allan.arrays import Bools
+from imu_allan.arrays import Bools, runs
 from imu_allan.block import EvenBlock
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
-from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.rest_level import QUIETER, RestLevel
+from imu_allan.timeline.slow_turns import SlowTurns
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
-
-_LATELY_S = 5.0
-"""Motion is reported for this long, so that "moving" does not flicker as somebody walks by."""
 
 
 @dataclass
@@ -38,7 +33,7 @@ class Spans(Record):
     longest_s: float = 0.0
     # Grid place and time at which the newest span ends, and its duration.
     end: int = -1
-    end_s: float = -_LATELY_S
+    end_s: float = -inf
     lasts_s: float = 0.0
 
     def add(self, first: int, rows: int, start_s: float, duration_s: float) -> None:
@@ -99,11 +94,11 @@ class MotionDetector(Record):
     """Removes motion and knocks, with a delay of some windows, in constant memory."""
 
     interval_s: float  # sample interval; a window is half a second, at least 25 rows
-    axes: tuple[bool, ...] = (True,) * 6  # axes by which motion is judged
+    axes: list[bool] = field(default_factory=list)  # axes by which motion is judged
     _windows: Windows = field(init=False)
     _level: RestLevel | None = None
     summary: MotionSummary = field(default_factory=MotionSummary)
-    _excursions: Excursions = field(default_factory=Excursions)
+    turns: SlowTurns = field(default_factory=SlowTurns)  # slow turns, which are not cut out
     held: list[Segment] = field(default_factory=list)  # rows not yet decided on
     _run_pending: bool = False
     _void: bool = False
@@ -112,41 +107,29 @@ class MotionDetector(Record):
         """Set up empty windows."""
         self._windows = Windows(self.interval_s)
 
-    @property
-    def excursions(self) -> list[list[float]]:
-        """Return slow turns that were not cut out, as `Excursions.found`."""
-        return self._excursions.found
-
     def forget_means(self) -> None:
         """Compare later means with none from before, as the sensor may have other ones now."""
-        self._excursions = Excursions(found=self._excursions.found)
-
-    def of_axes(self, axes: tuple[bool, ...]) -> 'MotionDetector':
-        """Return a detector for other axes that continues from this one, after a flush."""
-        other = MotionDetector(self.interval_s, axes)
-        other.summary = self.summary
-        other._excursions.found = self._excursions.found
-        other._run_pending, other._void = self._run_pending, self._void
-        return other
+        self.turns = SlowTurns(found=self.turns.found)
 
     def push(self, block: EvenBlock) -> list[EvenBlock]:
         """Take even rows, and return those decided to be at rest."""
+        axes, before = np.isfinite(block.samples[0]).tolist(), []
+        if axes != self.axes:
+            # The level of rest of some axes is not that of others.
+            before = self.flush()
+            self.axes, self._level, self._windows = axes, None, Windows(self.interval_s)
+            self.forget_means()
         last = self.held[-1] if self.held else None
-        if last is None or block.new_run or last.closed or (
-                block.first_index
-                != last.first_index + last.given * self._windows.size + last.held):
+        if (last is None or last.closed or block.new_run
+                or block.first_index != last.blocks[-1].end):
             if last is not None:
                 last.closed = True
             last = Segment(block.first_index, block.start_s, block.new_run)
             self.held.append(last)
         last.start_s = block.start_s - (block.first_index - last.first_index) * self.interval_s
-        last.rows.append(block.samples)
-        last.held += len(block)
-        if len(block.interpolated):
-            last.interpolated = np.concatenate([
-                last.interpolated, block.first_index + block.interpolated])
+        last.blocks.append(block)
         self._void |= block.restart
-        return self._decide(final=False)
+        return before + self._decide(final=False)
 
     def flush(self) -> list[EvenBlock]:
         """Decide on all rows held back, and return those at rest."""
@@ -180,40 +163,39 @@ class MotionDetector(Record):
         last = len(segment.means) - (0 if segment.closed else 1)
         if last <= first:
             return
-        loudness = segment.loudness[first:last]
-        wander = segment.wander()[first:last]
-        short = segment.given == 0 and segment.held < self._windows.size
-        shorter = self._windows.size / segment.held if short else 1.0
+        found = segment.statistics(first, last)
+        short = segment.given == 0 and segment.held < windows.size
+        shorter = windows.size / segment.held if short else 1.0
         beyond = windows.implausible(segment, first)[:last - first]
         if segment.closed or segment.base + first < windows.farthest:
             beyond |= windows.beyond_before(segment, first, last)
-        moving = beyond | level.exceeds_rest(loudness, wander, shorter)
-        unclear = moving | level.awake(loudness)
+        moving = beyond | level.exceeds_rest(found, shorter)
+        unclear = moving | level.awake(found)
         if unclear.any() and level.refine_resolution(
-                segment, np.flatnonzero(unclear) + first, self._windows.size):
-            moving = beyond | level.exceeds_rest(loudness, wander, shorter)
+                segment, np.flatnonzero(unclear) + first, windows.size):
+            moving = beyond | level.exceeds_rest(found, shorter)
         segment.moving = np.concatenate([segment.moving, moving])
         if not short and (begins := level.deeper_rest(segment, first, last)) is not None:
             self._begin_at_rest(segment, level, begins, last)
             return
         if moving.any():
-            louder = level.contrast(loudness[moving])
+            louder = level.contrast(found[moving])
             self.summary.louder += float(louder.sum())
             self.summary.compared += len(louder)
         if not short:
             self._follow(segment, first, moving)
             time_s = windows.time(segment, segment.base + last)
-            for ratio in level.learn(np.hstack([loudness, wander]), moving, beyond):
+            for ratio in level.learn(found, moving, beyond):
                 # A sensor whose noise changes more than ten times has no level at all.
                 self.summary.changes = (*self.summary.changes[:9], (time_s, ratio))
 
     def _follow(self, segment: Segment, first: int, moving: Bools) -> None:
         """Look for slow turns within each rest: after motion, another mean is another attitude."""
-        for begin, end in _runs(moving):
+        for begin, end in runs(moving[1:] != moving[:-1], len(moving)):
             if moving[begin]:
                 self.forget_means()
             else:
-                self._excursions.take(
+                self.turns.take(
                     segment.means[first + begin:first + end],
                     self._windows.time(segment, segment.base + first + begin),
                     self._windows.size * self.interval_s)
@@ -222,11 +204,11 @@ class MotionDetector(Record):
         """Take windows from array index `first` on as rest, and all before as motion."""
         level.begin_at(segment, first, last)
         self._void = True
-        self._excursions = Excursions()
+        self.turns = SlowTurns()
         segment.moving[:first] = True
         segment.moving[first:] = (
             self._windows.implausible(segment, first)[:last - first]
-            | level.exceeds_rest(segment.loudness[first:last], segment.wander()[first:last], 1.0))
+            | level.exceeds_rest(segment.statistics(first, last)))
         self.summary = self.summary.all_cut(
             segment.first_index + segment.given * self._windows.size,
             max(self.summary.seen // self._windows.size, 1))
@@ -243,32 +225,27 @@ class MotionDetector(Record):
         context = segment.given - segment.base
         near = np.convolve(segment.moving, np.ones(2 * margin + 1), 'full')[margin:]
         cut = near[context:context + count] > 0.5
-        rows = segment.joined()
-        length = min(count * size, segment.held)
-        first = segment.first_index + segment.given * size
+        held = segment.joined()
+        length = min(count * size, len(held))
         blocks = []
-        for left, right in _runs(cut):
-            begin, end = left * size, min(right * size, length)
-            start_s = self._windows.time(segment, segment.given + left)
-            place = first + begin, end - begin, start_s, (end - begin) * self.interval_s
+        for left, right in runs(cut[1:] != cut[:-1], len(cut)):
+            part = held.part(left * size, min(right * size, length),
+                             self._windows.time(segment, segment.given + left))
+            place = part.first_index, len(part), part.start_s, len(part) * self.interval_s
+            self._run_pending |= segment.new_run
+            segment.new_run = False
             if cut[left]:
                 self.summary.cut.add(*place)
-                self._run_pending |= segment.new_run
             else:
-                low, high = np.searchsorted(segment.interpolated, (first + begin, first + end))
-                blocks.append(EvenBlock(rows[begin:end], first + begin,
-                                        segment.interpolated[low:high] - (first + begin),
-                                        segment.new_run or self._run_pending, self._void,
-                                        start_s))
+                blocks.append(replace(part, new_run=self._run_pending, restart=self._void))
                 self._run_pending = self._void = False
                 self.summary.kept.add(*place)
-            segment.new_run = False
         struck = int(np.count_nonzero(segment.moving[context:context + count])) * size
         newest = self._windows.time(segment, segment.given) + length * self.interval_s
         self.summary.struck += min(struck, length)
-        self.summary.moving = newest - self.summary.cut.end_s < _LATELY_S
-        segment.rows = [rows[length:]]
-        segment.held -= length
+        # Reported for five seconds, so that it does not flicker as somebody walks by.
+        self.summary.moving = newest - self.summary.cut.end_s < 5.0
+        segment.blocks = [held.part(length, len(held), held.start_s)]
         segment.given = upto
         # The next windows are compared with those that are kept here.
         drop = max(upto - margin - self._windows.farthest - 1 - segment.base, 0)
@@ -276,11 +253,4 @@ class MotionDetector(Record):
         segment.means = segment.means[drop:]
         segment.loudness = segment.loudness[drop:]
         segment.moving = segment.moving[drop:]
-        given = np.searchsorted(segment.interpolated, first + length)
-        segment.interpolated = segment.interpolated[given:]
         return blocks
-
-
-def _runs(values: Bools) -> Iterator[tuple[int, int]]:
-    """Yield the spans of equal values."""
-    return pairwise([0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)])

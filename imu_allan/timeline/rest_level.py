@@ -19,9 +19,6 @@ from imu_allan.state import Record
 from imu_allan.timeline.windows import Segment, Windows
 import numpy as np
 
-_SIGMAS = 8.0
-"""Far beyond chance: a lower threshold would cut out noise that is not quite normal. Chosen by
-judgment."""
 QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness for a third of the noise: no driving is that quiet, and no drift that
 large."""
@@ -42,26 +39,26 @@ class Baseline:
     # Smallest change seen between two samples; infinite while constant, shape (6,).
     resolution: Array
 
-    def loudest(self, shorter: float = 1.0) -> Array:
-        """Return the largest loudness at rest; `shorter` is window length over rows available."""
+    def limits(self, shorter: float = 1.0) -> Array:
+        """Return the largest loudness and wander at rest; `shorter` is window length over rows."""
+        # Far beyond chance: a lower threshold would cut out noise that is not quite normal. Chosen
+        # by judgment.
+        sigmas = 8.0
         # Loudness is the cube root of a variance, so noise up to 1.6 times as large is not motion.
-        excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
-                            0.35 * self.loudness)
+        excess = np.maximum(sigmas * sqrt(shorter) * self.spread, 0.35 * self.loudness)
+        # Where the noise does not dither the resolution, whole steps are not motion.
+        coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
+        steps = np.where(coarse, self.resolution, 0.0)
         # A coarse output that flips between two values has a variance of up to a quarter of a
         # squared step.
-        stepping = np.cbrt(0.75 * self._steps() ** 2)
-        loudest: Array = np.maximum(self.loudness + excess, np.tile(stepping, 2))
-        return loudest
+        stepping = np.tile(np.cbrt(0.75 * steps ** 2), 2)
+        return np.concatenate([np.maximum(self.loudness + excess, stepping),
+                               np.maximum(sigmas * self.wander, 3 * steps)])
 
     @cached_property
-    def limits(self) -> tuple[Array, Array]:
-        """Largest loudness of a whole window, and largest second difference of means, at rest."""
-        return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
-
-    def _steps(self) -> Array:
-        """Resolution where the noise does not dither it: there, whole steps are not motion."""
-        coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
-        return np.where(coarse, self.resolution, 0.0)
+    def loudest(self) -> Array:
+        """Largest loudness of a whole window at rest."""
+        return self.limits()[:12]
 
 
 @dataclass
@@ -90,48 +87,44 @@ class RestLevel(Record):
             full = [segment for segment in full if segment.held >= usual]
         if not full:
             return cls(Baseline(*np.split(np.full(36, np.inf), [12, 24, 30])))
-        loudness = np.concatenate([segment.loudness for segment in full])
-        wander = np.concatenate([segment.wander() for segment in full])
-        resolution = np.min([resolution_of(segment.joined()[:8 * 1024]) for segment in full[:4]],
-                            axis=0)
+        table = np.concatenate([segment.statistics(0, len(segment.means)) for segment in full])
+        resolution = np.min([resolution_of(segment.joined().samples[:8 * 1024])
+                             for segment in full[:4]], axis=0)
         still = ~np.concatenate([windows.implausible(segment, 0) for segment in full])
         fewest = 8   # windows from which the spread of loudness is measured
         if np.count_nonzero(still) < fewest:
             still[:] = True
-        loudness, wander = loudness[still], wander[still]
+        table = table[still]
+        loudness = table[:, :12]
         # The quietest eighth of fewer is less than four windows, too few to give a spread.
-        if len(loudness) >= 32:
-            baseline, rest = settle(loudness, wander, resolution)
+        if len(table) >= 32:
+            baseline, rest = settle(table, resolution)
         else:
             # Here the quieter half is used, with the spread that follows from the number of
             # samples.
-            quieter = np.argsort(loudness.sum(axis=1))[:(len(loudness) + 1) // 2]
+            quieter = np.argsort(loudness.sum(axis=1))[:(len(table) + 1) // 2]
             centre = np.median(loudness[quieter], axis=0)
             # The cube root of a variance of 25 samples has a relative error of sqrt(2 / 25) / 3.
             baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
-            if len(loudness) < fewest:
+            if len(table) < fewest:
                 return cls(baseline)
-            rest = np.all(loudness <= baseline.loudest(), axis=1)
+            rest = np.all(loudness <= baseline.loudest, axis=1)
             if np.count_nonzero(rest) >= fewest:
-                found = baseline_of(loudness[rest], wander[rest], resolution)
+                found = baseline_of(table[rest], resolution)
                 baseline = replace(baseline, wander=found.wander)
-        past = np.hstack([loudness, wander])[rest]
+        past = table[rest]
         return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
 
-    def exceeds_rest(self, loudness: Array, wander: Array, shorter: float) -> Bools:
-        """Find windows whose loudness or wander exceeds rest; `shorter` as in `loudest`."""
-        loudest, widest = self.baseline.limits
-        if shorter > 1:
-            loudest = self.baseline.loudest(shorter)
+    def exceeds_rest(self, windows: Array, shorter: float = 1.0) -> Bools:
+        """Find windows, shape (n, 18), that are louder or wander farther than at rest."""
         # Without a neighbour the wander is NaN, which compares as not wide.
-        unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
-        return np.asarray(unlike)
+        return np.asarray((np.abs(windows) > self.baseline.limits(shorter)).any(axis=1))
 
     def refine_resolution(self, segment: Segment, windows: Ints, size: int) -> bool:
         """Look for smaller steps in the rows of `windows`; return whether any were found."""
         # A change by one step of a coarse output is not motion. Some outputs are constant for
         # minutes before they show how small their step is.
-        rows = segment.joined()
+        rows = segment.joined().samples
         known = self.baseline.resolution
         smaller = known
         for window in (windows + segment.base - segment.given).tolist():
@@ -142,18 +135,18 @@ class RestLevel(Record):
         self.baseline = replace(self.baseline, resolution=smaller)
         return True
 
-    def awake(self, loudness: Array) -> Bools:
+    def awake(self, windows: Array) -> Bools:
         """Find windows in which an axis changes that was constant until then."""
-        changes = (loudness[:, :6] > 0) & np.isinf(self.baseline.resolution)
+        changes = (windows[:, :6] > 0) & np.isinf(self.baseline.resolution)
         return np.asarray(changes.any(axis=1))
 
-    def contrast(self, loudness: Array) -> Array:
+    def contrast(self, windows: Array) -> Array:
         """Return the logarithm by which each window is louder; empty if no axis shows it."""
         rest = self.baseline.loudness
         known = (rest > 0) & np.isfinite(rest)
         if not known.any():
             return np.empty(0)
-        louder: Array = np.max(loudness[:, known] / rest[known], axis=1)
+        louder: Array = np.max(windows[:, :12][:, known] / rest[known], axis=1)
         return np.log(np.maximum(louder, 1.0))
 
     def deeper_rest(self, segment: Segment, first: int, last: int) -> int | None:
@@ -169,7 +162,7 @@ class RestLevel(Record):
         # Coarse or constant axes may be unchanged, and an axis that has become constant is dead.
         judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
         quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
-            windows > self.baseline.loudest(), axis=1)
+            windows > self.baseline.loudest, axis=1)
         in_a_row = 6   # quiet windows that are rest: between two bumps of a road there are fewer
         for at in range(first, last):
             self.quieter = self.quieter + 1 if quieter[at - first] else 0
@@ -179,8 +172,7 @@ class RestLevel(Record):
 
     def begin_at(self, segment: Segment, first: int, last: int) -> None:
         """Start a new baseline from the windows from array index `first` on."""
-        found = baseline_of(segment.loudness[first:last], segment.wander()[first:last],
-                            self.baseline.resolution)
+        found = baseline_of(segment.statistics(first, last), self.baseline.resolution)
         # A few windows give a spread only to within a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
                                 wander=2 * found.wander)
@@ -198,8 +190,7 @@ class RestLevel(Record):
         if len(self.news) >= 256:
             # With less than four minutes at rest, the threshold scatters.
             self.past, self.news = np.concatenate([self.past, self.news])[-512:], self.news[:0]
-            changes += self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
-                                               self.baseline.resolution))
+            changes += self._adopt(baseline_of(self.past, self.baseline.resolution))
         if len(self.lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
             self.lately = np.concatenate(
@@ -217,10 +208,9 @@ class RestLevel(Record):
         # At a new level, at least one window in twenty is classified as motion.
         if np.any(verdict > 1) or share < 0.05:
             return []
-        baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
-                                 self.baseline.resolution)
+        baseline, still = settle(self.lately[:, :18], self.baseline.resolution)
         # Three times louder than rest is an engine, not the sensor. Chosen by judgment.
-        little = QUIETER * self.baseline.loudest()
+        little = QUIETER * self.baseline.loudest
         # If less than a quarter was classified as motion, it was knocks. The exception is that all
         # windows are similar, as when a single axis has become louder; windows of motion are not.
         if (share < 0.25 and not still.all()) or (
@@ -244,10 +234,11 @@ class RestLevel(Record):
         return [most]
 
 
-def settle(loudness: Array, wander: Array, resolution: Array) -> tuple[Baseline, Bools]:
+def settle(windows: Array, resolution: Array) -> tuple[Baseline, Bools]:
     """Find the windows at rest, and their baseline."""
     # The set grows from the quietest eighth until there is a hole of many standard deviations in
     # the distribution of loudness. Wander is NaN at the ends of a segment.
+    loudness = windows[:, :12]
     dead = _dead(loudness, resolution)
     percentile = np.nanpercentile if dead.any() else np.percentile
     # The quietest windows are taken for rest: with less rest than that, motion enters the
@@ -263,24 +254,23 @@ def settle(loudness: Array, wander: Array, resolution: Array) -> tuple[Baseline,
             louder[dead.any(axis=1)] = np.inf
         rest = louder <= np.percentile(louder[np.isfinite(louder)], quietest)
     for _ in range(50):
-        baseline = baseline_of(loudness[rest], wander[rest], resolution)
-        grown = np.all(loudness <= baseline.loudest(), axis=1)
+        baseline = baseline_of(windows[rest], resolution)
+        grown = np.all(loudness <= baseline.loudest, axis=1)
         if np.array_equal(grown, rest):
             break
         rest = grown
     return baseline, rest
 
 
-def baseline_of(loudness: Array, wander: Array, resolution: Array) -> Baseline:
-    """Describe windows at rest by medians; the arguments are those of `settle`."""
-    median, dead = np.median, _dead(loudness, resolution)
+def baseline_of(windows: Array, resolution: Array) -> Baseline:
+    """Describe windows at rest, shape (n, 18), by medians."""
+    median, dead = np.median, _dead(windows, resolution)
     if dead.any():
         median = np.nanmedian
-        loudness = np.where(np.tile(dead, 2), np.nan, loudness)
-        wander = np.where(dead, np.nan, wander)
+        windows = np.where(np.tile(dead, 3), np.nan, windows)
+    loudness, inner = windows[:, :12], windows[~np.isnan(windows[:, 12:]).all(axis=1), 12:]
     centre = median(loudness, axis=0)
     spread = 1.4826 * median(np.abs(loudness - centre), axis=0)
-    inner = wander[~np.isnan(wander).all(axis=1)]
     wide = np.full(6, np.inf)
     # Of fewer windows the median may be far below the others by chance.
     known = np.count_nonzero(~np.isnan(inner), axis=0) >= 16
@@ -289,14 +279,14 @@ def baseline_of(loudness: Array, wander: Array, resolution: Array) -> Baseline:
     return Baseline(centre, spread, wide, resolution)
 
 
-def _dead(loudness: Array, resolution: Array) -> Bools:
+def _dead(windows: Array, resolution: Array) -> Bools:
     """Find windows in which an axis is dead, shape (n, 6)."""
     # A fine axis is never constant while others change. Axes that never changed, and coarse ones,
     # are not included.
-    still = loudness[:, :6] == 0
+    still = windows[:, :6] == 0
     dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
     for axis in np.flatnonzero(dead.any(axis=0)).tolist():
-        noise = float(np.median(loudness[~still[:, axis], axis])) ** 1.5
+        noise = float(np.median(windows[~still[:, axis], axis])) ** 1.5
         dead[:, axis] &= noise >= _FINE * resolution[axis]
     return dead
 

@@ -11,9 +11,9 @@ motion detector leaves out what is not at rest.
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any, Literal
 
+from imu_allan.arrays import runs
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
@@ -162,20 +162,12 @@ class TimelineStage(Record):
         for block in self._with_the_same_axes(blocks):
             if decision.restart:
                 decision.restart, block = False, replace(block, restart=True)
-            if self._keeps_motion or decision.first_interval_ns is None:
-                given.append(block)
-            if decision.first_interval_ns is None:
-                continue
-            axes = tuple(np.isfinite(block.samples[0]).tolist())
-            at_rest: list[EvenBlock] = []
-            if memory.motion is None:
-                memory.motion = MotionDetector(decision.first_interval_ns / SECOND, axes)
-            elif memory.motion.axes != axes:
-                # The level of rest of some axes is not that of others.
-                at_rest += memory.motion.flush()
-                memory.motion = memory.motion.of_axes(axes)
-            at_rest += memory.motion.push(block)
-            given += [] if self._keeps_motion else at_rest
+            at_rest = [block]
+            if decision.first_interval_ns is not None:
+                memory.motion = memory.motion or MotionDetector(
+                    decision.first_interval_ns / SECOND)
+                at_rest = memory.motion.push(block)
+            given += [block] if self._keeps_motion else at_rest
         return given
 
     def _with_the_same_axes(self, blocks: Iterable[EvenBlock]) -> Iterator[EvenBlock]:
@@ -185,15 +177,11 @@ class TimelineStage(Record):
             if not self._memory.presence.changed:
                 yield block
                 continue
-            there = np.isfinite(block.samples)
-            edges = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
-            new_run = block.new_run
-            for first, last in pairwise([0, *edges.tolist(), len(block)]):
+            there, new_run = np.isfinite(block.samples), block.new_run
+            for first, last in runs((there[1:] != there[:-1]).any(axis=1), len(block)):
                 if there[first].any():
-                    low, high = np.searchsorted(block.interpolated, (first, last))
-                    yield EvenBlock(block.samples[first:last], block.first_index + first,
-                                    block.interpolated[low:high] - first, new_run,
-                                    start_s=block.start_s + first * interval_s)
+                    part = block.part(first, last, block.start_s + first * interval_s)
+                    yield replace(part, new_run=new_run)
                     new_run = False
 
     @property

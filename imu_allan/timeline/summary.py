@@ -101,7 +101,7 @@ class TimelineSummary:
 def summarize(memory: Memory) -> TimelineSummary:
     """Summarize the state of a timeline."""
     counts, decision, cursor = memory.counts, memory.decision, memory.cursor
-    options, excursions = memory.options, memory.excursions
+    options, turns = memory.options, memory.slow_turns
     remarks = remarks_of(memory)
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     if options.motion == 'keep':
@@ -146,7 +146,7 @@ def summarize(memory: Memory) -> TimelineSummary:
         motions=motion.cut.count, excluded_s=motion.cut.total_s, moving=motion.moving,
         mostly_motion=mostly_motion(motion),
         turned=tuple(name for axis, name in enumerate(AXES)
-                     if any(found[2] == axis for found in excursions)),
+                     if any(found[2] == axis for found in turns)),
         density_error=density_error(counts, decision))
 
 

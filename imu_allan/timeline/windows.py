@@ -7,17 +7,16 @@ A test by physics needs no learning: no sensor at rest changes its mean by 3 deg
 within two seconds, except through its white noise.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Bools
+from imu_allan.block import EvenBlock
 from imu_allan.state import Record
 import numpy as np
 
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """In rad/s and m/s^2 within two seconds: a smaller change is judged by the noise alone."""
-_PLAUSIBLE_SIGMAS = 10.0
-"""The mean of a noisy sensor changes by chance, but not by this many standard deviations."""
 
 
 @dataclass
@@ -25,16 +24,14 @@ class Segment(Record):
     """
     Even rows without a gap, not yet decided on.
 
-    Windows are numbered from the start of the segment. `rows` begins with window `given`. The
+    Windows are numbered from the start of the segment. `blocks` begin with window `given`. The
     arrays of windows begin with window `base`, a few earlier, as context.
     """
 
     first_index: int
     start_s: float
     new_run: bool
-    rows: list[Array] = field(default_factory=list)
-    held: int = 0
-    interpolated: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    blocks: list[EvenBlock] = field(default_factory=list)
     closed: bool = False
     given: int = 0
     base: int = 0
@@ -42,17 +39,29 @@ class Segment(Record):
     loudness: Array = field(default_factory=lambda: np.empty((0, 12)))
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
-    def joined(self) -> Array:
-        """Return all rows held, as one array."""
-        if len(self.rows) > 1:
-            self.rows = [np.concatenate(self.rows)]
-        return self.rows[0]
+    @property
+    def held(self) -> int:
+        """Number of rows held."""
+        return sum(map(len, self.blocks))
 
-    def wander(self) -> Array:
-        """Return the second differences of window means, NaN for the first and the last window."""
-        second = np.full(self.means.shape, np.nan)
-        second[1:-1] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
-        return second
+    def joined(self) -> EvenBlock:
+        """Return all rows held, as one block."""
+        if len(self.blocks) > 1:
+            first = self.blocks[0]
+            self.blocks = [replace(
+                first, samples=np.concatenate([block.samples for block in self.blocks]),
+                interpolated=np.concatenate([
+                    block.first_index - first.first_index + block.interpolated
+                    for block in self.blocks]))]
+        return self.blocks[0]
+
+    def statistics(self, first: int, last: int) -> Array:
+        """Return loudness and wander of windows by their array indices, shape (windows, 18)."""
+        # Wander is the second difference of means, NaN for the first and the last window.
+        table = np.full((len(self.means), 18), np.nan)
+        table[:, :12] = self.loudness
+        table[1:-1, 12:] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
+        return table[first:last]
 
 
 @dataclass
@@ -83,10 +92,10 @@ class Windows(Record):
 
     def measure(self, segment: Segment) -> None:
         """Compute mean and loudness of the windows completed since the last call."""
-        rows, size = segment.joined(), self.size
+        rows, size = segment.joined().samples, self.size
         done = (segment.base + len(segment.means) - segment.given) * size
-        complete = done + (segment.held - done) // size * size
-        last = [rows[None, -size:]] if segment.closed and complete < segment.held else []
+        complete = done + (len(rows) - done) // size * size
+        last = [rows[None, -size:]] if segment.closed and complete < len(rows) else []
         for windows in (rows[done:complete].reshape(-1, size, 6), *last):
             if len(windows):
                 means, loudness = describe(windows, self.part)
@@ -99,39 +108,39 @@ class Windows(Record):
         beyond = np.zeros(len(means), dtype=bool)
         for lag in self.lags:
             change = np.abs(means[lag:] - means[:-lag])
-            large = change > _PLAUSIBLE_CHANGE
-            if large.any():
+            if (change > _PLAUSIBLE_CHANGE).any():
                 sigma = segment.loudness ** 1.5
                 sigma = np.maximum(sigma[:, :6], sqrt(self.part) * sigma[:, 6:])
-                white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size)
-                beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
+                beyond[lag:] |= _implausible(
+                    change, np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size))
         return beyond[first:]
 
     def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
         """Find windows whose mean is implausibly far from those of the segments just before."""
         beyond = np.zeros(last - first, dtype=bool)
-        reach, size = self.farthest * self.size, self.size
-        begins = segment.first_index + (segment.base + first) * size
-        near = self.recent[self.recent[:, 0] >= begins - reach]
+        reach, rows = self.farthest * self.size, float(min(self.size, segment.held))
+        places = segment.first_index + (segment.base + np.arange(last)) * self.size
+        noise = segment.loudness[:last, :6] ** 1.5
+        near = self.recent[self.recent[:, 0] >= places[first] - reach]
         if segment.base + first < self.farthest and not segment.new_run and len(near):
-            there = min(last - first, self.farthest - segment.base - first)
-            sigma = segment.loudness[first:first + there, :6] ** 1.5
-            change = np.abs(segment.means[first:first + there, None] - near[:, 2:8])
-            white = _PLAUSIBLE_SIGMAS * np.minimum(sigma[:, None], near[:, 8:]) * np.sqrt(
-                1 / near[:, 1:2] + 1 / min(size, max(segment.held, 1)))
-            close = (begins + np.arange(there)[:, None] * size - near[:, 0]) <= reach
-            beyond[:there] = np.any(
-                close & np.any((change > _PLAUSIBLE_CHANGE) & (change > white), axis=2), axis=1)
+            new = slice(first, min(last, self.farthest - segment.base))
+            far = _implausible(
+                np.abs(segment.means[new, None] - near[:, 2:8]),
+                np.minimum(noise[new, None], near[:, 8:]) * np.sqrt(1 / near[:, 1:2] + 1 / rows))
+            close = places[new, None] - near[:, 0] <= reach
+            beyond[:len(far)] = np.any(far & close, axis=1)
         if segment.closed:
-            newest = max(last - self.farthest, 0)
-            count = last - newest
-            places = begins + (np.arange(newest, last) - first) * size
-            rows = np.full((count, 1), float(min(size, max(segment.held, 1))))
+            newest = slice(max(last - self.farthest, 0), last)
             # Windows after a gap are compared with up to 64 windows before it.
-            self.recent = np.concatenate([self.recent, np.hstack([
-                places[:, None], rows, segment.means[newest:last],
-                segment.loudness[newest:last, :6] ** 1.5])])[-64:]
+            self.recent = np.concatenate([self.recent, np.column_stack([
+                places, np.full(last, rows), segment.means[:last], noise])[newest]])[-64:]
         return beyond
+
+
+def _implausible(change: Array, white: Array) -> Bools:
+    """Find changes of means too large for a sensor at rest; `white` is their white noise."""
+    # The mean of a noisy sensor changes by chance, but not by ten standard deviations.
+    return np.asarray(np.any((change > _PLAUSIBLE_CHANGE) & (change > 10.0 * white), axis=-1))
 
 
 def describe(rows: Array, part: int) -> tuple[Array, Array]:

@@ -17,8 +17,8 @@ from itertools import chain
 from struct import Struct
 from typing import Any
 
-from imu_allan.arrays import Ints
-from imu_allan.cdr import MessageBatch, rows_like_first, runs
+from imu_allan.arrays import Ints, runs
+from imu_allan.cdr import MessageBatch, rows_like_first
 from imu_allan.recordings.formats.decompress import ReadingLimits
 from mcap.opcode import Opcode
 import numpy as np

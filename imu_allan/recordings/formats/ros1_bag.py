@@ -19,8 +19,8 @@ from contextlib import suppress
 from io import BytesIO
 from typing import BinaryIO, NamedTuple
 
-from imu_allan.arrays import Ints
-from imu_allan.cdr import MessageBatch, runs
+from imu_allan.arrays import Ints, runs
+from imu_allan.cdr import MessageBatch
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,

@@ -12,15 +12,9 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Any, Literal
 
-from imu_allan.arrays import Array, Ints
+from imu_allan.arrays import Array, Ints, runs
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import (
-    decode_imu_rows,
-    MessageBatch,
-    OnMalformed,
-    runs,
-    Serialization,
-)
+from imu_allan.cdr import decode_imu_rows, MessageBatch, OnMalformed, Serialization
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields

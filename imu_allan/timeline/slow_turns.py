@@ -3,6 +3,7 @@
 """Slow turns and tilts, too slow for the motion detector: the mean moves away and comes back."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from imu_allan.arrays import Array
 from imu_allan.state import Record
@@ -13,44 +14,42 @@ _LEAST = np.array([0.004] * 3 + [0.04] * 3)
 
 
 @dataclass
-class Excursions(Record):
+class SlowTurns(Record):
     """Times during which the mean of an axis had moved away."""
 
-    # Sum of the means of the windows in the newest block, by axis.
-    sums: list[float] = field(default_factory=lambda: [0.0] * 6)
-    windows: int = 0  # number of windows in the newest block
-    # Start in seconds and mean of each axis, for the latest blocks.
-    blocks: list[list[float]] = field(default_factory=list)
+    # Sum of the means of the windows in the newest block, and number of these windows.
+    sums: Array = field(default_factory=lambda: np.zeros(6))
+    windows: int = 0
+    # Start in seconds and mean of each axis, for the latest blocks, shape (blocks, 7).
+    blocks: Array = field(default_factory=lambda: np.empty((0, 7)))
     # Start and duration in seconds, number of the axis, and size in its unit.
     found: list[list[float]] = field(default_factory=list)
 
     def take(self, means: Array, start_s: float, window_s: float) -> None:
         """Add the means of windows at rest, shape (n, 6), of which the first is at `start_s`."""
-        first, new = 0, []
+        new = []
         in_block = 8   # windows of half a second: a slow turn lasts longer
-        while first < len(means):
-            last = min(first + in_block - self.windows, len(means))
-            self.sums = list(map(float.__add__, self.sums, means[first:last].sum(axis=0).tolist()))
+        ends = range(in_block - self.windows, len(means), in_block)
+        for first, last in pairwise([0, *ends, len(means)]):
+            self.sums = self.sums + means[first:last].sum(axis=0)
             self.windows += last - first
-            first = last
             if self.windows == in_block:
-                begins = start_s + (last - in_block) * window_s
-                new.append([begins, *(total / in_block for total in self.sums)])
-                self.sums, self.windows = [0.0] * 6, 0
+                new.append([start_s + (last - in_block) * window_s, *self.sums / in_block])
+                self.sums, self.windows = np.zeros(6), 0
         # Where all are near each other, none of the new ones is back from an excursion.
-        suspect = new and not _near(np.array(self.blocks + new)[:, 1:])
+        suspect = bool(new) and bool((np.ptp(np.vstack([self.blocks, new])[:, 1:], axis=0)
+                                      > _LEAST).any())
         for block in new:
             # A mean that takes more than 32 blocks, two minutes, to come back is drift.
-            self.blocks = [*self.blocks[-31:], block]
+            self.blocks = np.vstack([self.blocks[-31:], block])
             if suspect:
                 self._look(in_block * window_s)
 
     def _look(self, block_s: float) -> None:
         """Record an excursion if the newest block is back from one."""
-        table = np.array(self.blocks)
-        level = table[:, 1:]
+        starts, level = self.blocks[:, 0], self.blocks[:, 1:]
         # Less than half a minute does not show the usual change.
-        if len(level) < 8 or _near(level):
+        if len(level) < 8:
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
@@ -70,12 +69,7 @@ class Excursions(Record):
                 continue
             # With more than ten, the recording is one of motion.
             if len(self.found) < 10:
-                begins = float(table[first, 0])
-                self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
+                begins = float(starts[first])
+                self.found.append([begins, float(starts[last]) + block_s - begins, axis, peak])
             self.blocks = self.blocks[-1:]
             return
-
-
-def _near(level: Array) -> bool:
-    """Return whether means of blocks, shape (n, 6), are too near each other for an excursion."""
-    return bool((level.max(axis=0) - level.min(axis=0) <= _LEAST).all())
