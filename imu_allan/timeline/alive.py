@@ -18,9 +18,9 @@ continues without the sensor (frozen). A coarse output repeats itself by nature 
 
 from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array, Bools
+from imu_allan.arrays import Array, Bools, runs
 from imu_allan.state import Record
-from imu_allan.timeline.clock import runs
+from imu_allan.timeline.clock import count_in_runs
 from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
 import numpy as np
 
@@ -136,7 +136,7 @@ class Content(Record):
         fresh[0] &= not first
         if not self.changes:
             self.head += int(np.argmax(fresh)) if fresh.any() else consumed
-        run, whole = runs(same, self.run)
+        run, whole = count_in_runs(same, self.run)
         long = same & (whole >= FROZEN_RUN)
         self.changes += int(np.count_nonzero(fresh))
         self.changed = [a + int(b) for a, b in
@@ -169,84 +169,94 @@ def _come_evenly(again: Bools) -> bool:
 
 
 @dataclass
+class AxisPresence(Record):
+    """Whether an axis has values, and since when."""
+
+    there: bool = True  # whether it has values now
+    ever: bool = True  # whether it ever had any
+    # Whether it was not finite in the first messages without being declared absent.
+    not_finite: bool = False
+    # Whether it lacks a value in the newest message, and the messages since that changed.
+    bad: bool = False
+    run: int = 0
+    gone: int = 0  # messages in which it was absent while others were present
+    # Messages for which it has kept its first value, and that value; -1 after a change.
+    asleep: int = 0
+    value: float = 0.0
+    late: int = 0  # messages before it came to life
+
+    def look(self, bad: Bools, consumed: int) -> Bools:
+        """Return in which messages the axis is gone; only the first `consumed` count."""
+        gone = np.empty_like(bad)
+        now, before = not self.there, self.run if self.bad == bad[0] else 0
+        for first, last in runs(bad[1:] != bad[:-1], len(bad)):
+            # Longer than an occasional driver fault, and within the look-ahead.
+            if last - first + (before if first == 0 else 0) >= 32:
+                now = bool(bad[first])
+            gone[first:last] = now
+            if first < consumed:
+                self.run = consumed - first + (before if first == 0 else 0)
+        self.bad, self.there = bool(bad[consumed - 1]), not gone[consumed - 1]
+        return gone
+
+    def wakes(self, values: Array, consumed: int) -> slice:
+        """Find the values before the axis comes to life, which must not be used."""
+        known = np.flatnonzero(np.isfinite(values)) if self.asleep >= 0 else np.empty(0, int)
+        now = known[:np.searchsorted(known, consumed)]
+        if not len(now):
+            return slice(0)
+        if self.asleep == 0:
+            self.value = float(values[now[0]])
+        other = np.flatnonzero(values[now] != self.value)
+        if not len(other):
+            self.asleep += len(now)
+            return slice(0)
+        slept, self.asleep = self.asleep + int(other[0]), -1
+        # Decide from the messages that are always available as look-ahead.
+        following = values[known[other[0]:other[0] + 1 + 64]]
+        changes = int(np.count_nonzero(following[1:] != following[:-1]))
+        # Fewer than 32 constant messages affect no result; at the end of a recording, eight later
+        # ones are enough to decide. Noise of a third of a step changes a quarter of them; a slow
+        # drift across a step does not.
+        if slept < 32 or len(following) <= 8 or changes < 0.25 * (len(following) - 1):
+            return slice(0)
+        self.late, row = slept, int(now[other[0]])
+        return slice(max(row - SPARSE, 0), max(row, 1))
+
+
+@dataclass
 class Presence(Record):
     """Which axes have values, and since when."""
 
-    there: list[bool] = field(default_factory=lambda: [True] * 6)  # axes that have values now
-    # Axes without a value in the newest message, and the number of messages since that changed.
-    bad: list[bool] = field(default_factory=lambda: [False] * 6)
-    run: list[int] = field(default_factory=lambda: [0] * 6)
-    # Messages in which each axis was absent while others were present.
-    gone: list[int] = field(default_factory=lambda: [0] * 6)
+    axes: list[AxisPresence] = field(default_factory=lambda: [AxisPresence() for _ in range(6)])
     changed: bool = False  # whether an axis has gone or come since the first messages
-    # Messages for which an axis has kept its first value, and that value; -1 after a change.
-    asleep: list[int] = field(default_factory=lambda: [0] * 6)
-    value: list[float] = field(default_factory=lambda: [0.0] * 6)
-    # Messages before an axis came to life.
-    late: list[int] = field(default_factory=lambda: [0] * 6)
 
     def stays(self, samples: Array) -> bool:
         """Take samples, shape (n, 6), if every axis is there and none wakes; else return False."""
-        if not all(self.there) or not all(
-                asleep < 0 or (asleep > 0 and bool((samples[:, axis] == value).all()))
-                for axis, (asleep, value) in enumerate(zip(self.asleep, self.value, strict=True))):
+        if not all(axis.there and (axis.asleep < 0 or (axis.asleep > 0 and bool(
+                (values == axis.value).all())))
+                   for axis, values in zip(self.axes, samples.T, strict=True)):
             return False
-        self.asleep = [asleep + len(samples) if asleep > 0 else -1 for asleep in self.asleep]
+        for axis in self.axes:
+            axis.asleep += len(samples) if axis.asleep > 0 else 0
         return True
 
     def look(self, unusable: Bools, consumed: int) -> Bools:
         """Find the axes that are gone from unusable values; only the first `consumed` count."""
-        gone = np.empty_like(unusable)
-        for axis in range(6):
-            gone[:, axis] = self._gone(axis, unusable[:, axis], consumed)
+        there = [axis.there for axis in self.axes]
+        gone = np.column_stack([axis.look(bad, consumed)
+                                for axis, bad in zip(self.axes, unusable.T, strict=True)])
+        self.changed |= bool((gone[:consumed] == there).any())
         none = gone[:consumed].all(axis=1)
-        self.gone = [before + int(np.count_nonzero(now & ~none)) for before, now
-                     in zip(self.gone, gone[:consumed].T, strict=True)]
-        return gone
-
-    def _gone(self, axis: int, bad: Bools, consumed: int) -> Bools:
-        """Return in which messages one axis is gone, and update its state."""
-        starts = np.flatnonzero(np.append(True, bad[1:] != bad[:-1]))
-        lengths = np.diff(np.append(starts, len(bad)))
-        before = self.run[axis] if self.bad[axis] == bad[0] else 0
-        state, states = not self.there[axis], []
-        for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-            # Longer than an occasional driver fault, and within the look-ahead.
-            if length + (before if start == 0 else 0) >= 32:
-                state = bool(bad[start])
-            states.append(state)
-        gone: Bools = np.repeat(states, lengths)
-        newest = int(np.searchsorted(starts, consumed - 1, 'right')) - 1
-        begun = int(starts[newest])
-        self.run[axis] = consumed - begun + (before if begun == 0 else 0)
-        self.bad[axis] = bool(bad[consumed - 1])
-        self.changed |= bool((gone[:consumed] == self.there[axis]).any())
-        self.there[axis] = not gone[consumed - 1]
+        for axis, now in zip(self.axes, gone[:consumed].T, strict=True):
+            axis.gone += int(np.count_nonzero(now & ~none))
+            axis.ever |= not now.all()
         return gone
 
     def waking(self, samples: Array, consumed: int) -> Bools:
         """Find values before an axis comes to life, which must not be used, shape (n, 6)."""
         away = np.zeros(samples.shape, dtype=bool)
-        for axis, asleep in enumerate(self.asleep):
-            values = samples[:, axis]
-            known = np.flatnonzero(np.isfinite(values)) if asleep >= 0 else np.empty(0, int)
-            now = known[:np.searchsorted(known, consumed)]
-            if not len(now):
-                continue
-            if asleep == 0:
-                self.value[axis] = float(values[now[0]])
-            other = np.flatnonzero(values[now] != self.value[axis])
-            if not len(other):
-                self.asleep[axis] += len(now)
-                continue
-            slept, self.asleep[axis] = asleep + int(other[0]), -1
-            # Decide from the messages that are always available as look-ahead.
-            following = values[known[other[0]:other[0] + 1 + 64]]
-            changes = int(np.count_nonzero(following[1:] != following[:-1]))
-            # Fewer than 32 constant messages affect no result; at the end of a recording, eight
-            # later ones are enough to decide. Noise of a third of a step changes a quarter of
-            # them; a slow drift across a step does not.
-            if slept >= 32 and len(following) > 8 and changes >= 0.25 * (len(following) - 1):
-                self.late[axis], row = slept, int(now[other[0]])
-                away[max(row - SPARSE, 0):max(row, 1), axis] = self.changed = True
+        for number, axis in enumerate(self.axes):
+            away[axis.wakes(samples[:, number], consumed), number] = True
+        self.changed |= bool(away.any())
         return away

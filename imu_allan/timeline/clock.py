@@ -108,10 +108,10 @@ def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints:
     """Count for each message those in a row before it with its stamp; `last` had `ties`."""
     tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
                      stamps[1:] == stamps[:-1])
-    return runs(tied, ties)[0]
+    return count_in_runs(tied, ties)[0]
 
 
-def runs(same: Bools, before: int) -> tuple[Ints, Ints]:
+def count_in_runs(same: Bools, before: int) -> tuple[Ints, Ints]:
     """Count True values in a row up to each element, and in its run; `before` come first."""
     run = np.cumsum(~same)
     begins = np.append(-1 - before, np.flatnonzero(~same))

@@ -15,7 +15,7 @@ from typing import Any
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import STANDARD_GRAVITY
-from imu_allan.timeline.alive import Content, Presence
+from imu_allan.timeline.alive import Content
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.memory import Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
@@ -30,7 +30,7 @@ Figures = dict[str, dict[str, Any]]
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """Collect the findings; one about the recording as a whole appears once for each code."""
-    return (*_axes_findings(memory.counts, memory.decision, memory.content, memory.presence),
+    return (*_axes_findings(memory),
             *(finding(code, **found) for code, found in _figures(memory).items()),
             *_slow_turns(memory.slow_turns))
 
@@ -142,17 +142,15 @@ def _figures(memory: Memory) -> Figures:
     return figures
 
 
-def _axes_findings(counts: Counts, decision: Decision, content: Content, presence: Presence
-                   ) -> list[Finding]:
-    axes = [*zip(AXES, decision.present or [True] * 6, decision.not_finite, presence.gone,
-                 presence.late, strict=True)]
+def _axes_findings(memory: Memory) -> list[Finding]:
+    axes, messages = [*zip(AXES, memory.presence.axes, strict=True)], memory.counts.messages
     # If the whole sensor was dead at first, that is reported as one.
-    return [*(finding('axis_not_finite', (name,)) for name, was, never, _, _ in axes
-              if never and not was),
-            *(finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
-              for name, was, _, gone, _ in axes if gone and was),
-            *(finding('axis_late_start', (name,), late=late, messages=counts.messages)
-              for name, _, _, _, late in axes if late > content.head)]
+    return [*(finding('axis_not_finite', (name,)) for name, axis in axes
+              if axis.not_finite and not axis.ever),
+            *(finding('axis_absent_in_part', (name,), absent=axis.gone, messages=messages)
+              for name, axis in axes if axis.gone and axis.ever),
+            *(finding('axis_late_start', (name,), late=axis.late, messages=messages)
+              for name, axis in axes if axis.late > memory.content.head)]
 
 
 def _content_figures(counts: Counts, content: Content) -> Figures:

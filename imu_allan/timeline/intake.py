@@ -118,7 +118,8 @@ class Intake(Record):
         finite = np.mean(np.isfinite(samples), axis=0)
         declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
         present = declared & (finite > 0.5)
-        self.presence.there = present.tolist()
+        for axis, there in zip(self.presence.axes, present.tolist(), strict=True):
+            axis.there = there
         if not present.any() and self.presence.copy().look(
                 ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
                 window.consumed)[:window.consumed].all():
@@ -127,8 +128,9 @@ class Intake(Record):
             raise NoAxes(
                 'the messages carry neither angular velocity nor linear acceleration '
                 '(covariance[0] is -1 or every value is NaN): choose another topic')
-        decision.present = present.tolist()
-        decision.not_finite = (declared & ~present).tolist()
+        for axis, there, provided in zip(
+                self.presence.axes, present.tolist(), declared.tolist(), strict=True):
+            axis.ever, axis.not_finite = there, provided and not there
         self._choose_clock(window)
         self._counts.header.first_ns = int(window.header_ns[0])
         self._counts.receive.first_ns = int(window.receive_ns[0])
@@ -296,8 +298,6 @@ class Intake(Record):
             bad: Bools = ~(np.abs(window.samples) < LARGEST)
         declared = np.repeat(window.absent, 3, axis=1)
         gone = presence.look(bad | declared, c)
-        came = ~gone[:c].all(axis=0)
-        self.decision.present = (came | np.array(self.decision.present)).tolist()
         counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
         spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
         asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)

@@ -128,9 +128,6 @@ class Decision(Record):
     clock: Clock | None = None
     # Whether no stamps are usable, so that samples are counted at the stated rate.
     counted_only: bool = False
-    present: list[bool] | None = None  # whether each axis was ever present
-    # Axes not finite in the first messages without being declared absent.
-    not_finite: list[bool] = field(default_factory=lambda: [False] * 6)
     # How stamps advance, following the slow drift of the clock; an interval of one nanosecond
     # means not yet known.
     pace: Pace = Pace(1.0)  # noqa: RUF009

@@ -328,7 +328,7 @@ class Placing(Record):
         self._memory.tail = (
             messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
             np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
-        if all((self._decision.present or [False])[3:]):
+        if all(axis.ever for axis in self._memory.presence.axes[3:]):
             some = messages.samples[:c:SPARSE, 3:]
             gone = np.flatnonzero(np.isnan(some).any(axis=1))
             if len(gone):

@@ -132,7 +132,7 @@ def summarize(memory: Memory) -> TimelineSummary:
         frame_id=decision.frame_id,
         start_time=start,
         remarks=remarks,
-        present=tuple(decision.present or [True] * 6),
+        present=tuple(axis.ever for axis in memory.presence.axes),
         messages=counts.messages + memory.pending.messages,
         interpolated=counts.interpolated,
         gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,

@@ -41,7 +41,7 @@ class Segment(Record):
 
     @property
     def held(self) -> int:
-        """Number of rows held."""
+        """Count the rows held."""
         return sum(map(len, self.blocks))
 
     def joined(self) -> EvenBlock:
