@@ -215,9 +215,12 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         return []
     places = np.flatnonzero(hit)
     groups = np.split(places, np.flatnonzero(np.diff(places) > 4) + 1)
-    # Where the first cell is the largest, the spectrum falls steeply, as behind a slow low-pass.
-    return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min()))
-            for g in groups if g[0] > 0 or np.argmax(mean[g]) > 0]
+    if scale == 1 and dof >= _MANY:
+        # Knee and side lobes of a filter are wider than a line, which also rises above the nearest
+        # bins. Chosen by judgment.
+        near = median_filter(mean, 25, mode='nearest') / middle
+        groups = [g for g in groups if (mean[g] > near[g] * max(chance, least)).any()]
+    return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min())) for g in groups]
 
 
 def higher_side(level: Array, neighbourhood: int) -> Array:

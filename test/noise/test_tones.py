@@ -56,9 +56,21 @@ def test_what_rises_less_than_chance_allows_is_no_line(blocks, scale, height, ex
 
 @pytest.mark.parametrize('response', [
     *((each, 1) for each in ([1.0], np.full(8, 1 / 8), firwin(31, 0.3), firwin(63, 0.15),
-                             firwin(255, 0.1), firwin(511, 0.4, window='boxcar'))),
-    butter(2, 0.004)])
+                             firwin(255, 0.1), firwin(511, 0.4, window='boxcar'),
+                             firwin(151, 0.02))),
+    butter(2, 0.004), butter(4, 0.01)])
 def test_white_noise_and_side_lobes_of_a_filter_are_no_lines(response):
     noise = np.random.default_rng(4).normal(size=300_000)
     axis, _ = characterized(lfilter(*response, noise)[4000:], RATE)
     assert axis.tones == ()
+
+
+def test_a_line_of_changing_frequency_is_one_line():
+    rng = np.random.default_rng(5)
+    time = np.arange(360_000) / RATE
+    frequency = 17.0 + np.interp(time, np.linspace(0, 3600, 40), rng.normal(0, 0.15, 40))
+    tone = np.sin(2 * np.pi * np.cumsum(frequency) / RATE)
+    axis, _ = characterized(rng.normal(size=len(time)) + 0.2 * tone, RATE)
+    [line] = axis.tones
+    assert line.frequency_hz == pytest.approx(17.0, abs=0.2)
+    assert line.amplitude == pytest.approx(0.2, rel=0.2)
