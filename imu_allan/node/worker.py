@@ -9,6 +9,8 @@ meanwhile would lose the latest samples.
 
 from collections.abc import Callable, Container
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+import gc
 from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
@@ -31,7 +33,8 @@ class Worker:
               done: Callable[[Future[T]], None]) -> Future[T]:
         """Queue `work`; `done` is called by `hand_out` once it is finished."""
         of_state = kind in ('checkpoint', 'aside')
-        future = (self._keeper if of_state else self._thread).submit(work)
+        job = partial(_draw, work) if kind in ('plot', 'save') else work
+        future = (self._keeper if of_state else self._thread).submit(job)
         self._jobs.append((kind, future, done))
         return future
 
@@ -73,3 +76,12 @@ class Worker:
         self._jobs = [(kind, future, done) for kind, future, done in self._jobs
                       if kind in kinds and not future.cancelled()]
         self.hand_out()
+
+
+def _draw(work: Callable[[], T]) -> T:
+    """Do work that draws a picture, and free the picture."""
+    try:
+        return work()
+    finally:
+        # A figure is 8 MB in cycles. By itself Python frees them only after a dozen or two.
+        gc.collect()

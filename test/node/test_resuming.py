@@ -10,6 +10,7 @@ import pickle
 import random
 import signal
 import time
+import weakref
 
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given, settings, strategies
@@ -25,7 +26,16 @@ from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from repeated import slow
-from ros_harness import at_rest, Driver, kept_in, RATE_HZ, said_in, start_repeatedly, STARVED_S
+from ros_harness import (
+    at_rest,
+    Driver,
+    Heard,
+    kept_in,
+    RATE_HZ,
+    said_in,
+    start_repeatedly,
+    STARVED_S,
+)
 from std_srvs.srv import Trigger
 from whole_lines import refused, unwritable, Varying
 
@@ -228,6 +238,17 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     assert kept.summary().timeline.samples == 2000
     assert 'error its latest samples are not in it: No space left on device' in heard.lines
     storage.close(is_over=False)
+
+
+@pytest.mark.parametrize('kind', ['plot', 'save'])
+def test_a_picture_is_freed_once_it_is_drawn(heard, kind):
+    def draw():
+        figure = Heard()
+        figure.canvas = figure
+        return weakref.ref(figure)
+
+    drawn = Worker(Log(lambda: heard)).start(kind, draw, lambda _: None)
+    assert drawn.result()() is None
 
 
 def framed(payload, version=VERSION):
