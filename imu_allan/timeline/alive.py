@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Bools, runs
 from imu_allan.state import Record
-from imu_allan.timeline.clock import count_in_runs
 from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
+from imu_allan.timeline.stamps import count_in_runs
 import numpy as np
 
 FROZEN_RUN = 24

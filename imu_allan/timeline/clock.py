@@ -1,151 +1,228 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The two clocks of a message: what makes one unusable, where it jumps, runs backward or repeats.
+The choice of the clock: header stamps, receive stamps, or a count at the stated rate.
 
-All stamps are int64 nanoseconds. The header stamp is when the driver says the sample was taken,
-the receive stamp is when the recorder or the subscription got the message.
+The clock and the pace are decided from the first messages. If header stamps become unusable later,
+receive stamps replace them.
 """
 
-from dataclasses import dataclass
-from datetime import datetime, timedelta, timezone
+from dataclasses import replace
 
-from imu_allan.arrays import Bools, Ints
-from imu_allan.finding import Flaw
+from imu_allan.arrays import Array, Bools
+from imu_allan.errors import ImuAllanError
+from imu_allan.timeline.alive import Repeats
+from imu_allan.timeline.memory import Decision, FASTEST_NS, Memory
+from imu_allan.timeline.messages import Window
+from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
+from imu_allan.timeline.pace import (
+    follow_a_beat,
+    longest_at_one_rate,
+    measure_pace,
+    Pace,
+    pace_of_each,
+    spread_about,
+)
+from imu_allan.timeline.stamps import (
+    flaw_of,
+    in_order,
+    order_stamps,
+    overlaps,
+    place_in_burst,
+    SECOND,
+    Stamps,
+)
 import numpy as np
-from numpy.typing import NDArray
 
-Stamps = Ints
-
-SECOND = 1_000_000_000  # nanoseconds, the unit of all stamps
-_JUMP_MESSAGES = 16
-"""If this many messages in a row stay behind, the clock jumped back; fewer are only reordered."""
+_FEWEST_FOR_RATE = 64
+"""Fewest stamps that give the rate well enough to contradict the stated one."""
 
 
-def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
-    """Return what makes `stamps`, in order of arrival, unusable as the clock, or None."""
-    # A message that `repeats` the content of the one before is not a flaw of the clock. With
-    # `bursts`, equal stamps are expected.
-    if len(stamps) < 2:
-        return None
-    if not stamps.any():
-        return 'zero'
-    steps = np.diff(stamps)
-    if not steps.any():
-        # A few copies of one message say nothing about the clock.
-        return None if repeats.all() and len(stamps) < 8 else 'constant'
-    if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
-        return 'in whole seconds'
-    distinct = steps[~(repeats & (steps == 0))]
-    if np.mean(distinct == 0) > (0.98 if bursts else 0.1):
-        return 'coarse'
-    return 'out of order' if np.mean(distinct < 0) > 0.2 else None
+def stamps_of(memory: Memory, window: Window) -> tuple[Stamps, Stamps]:
+    """Return the stamps of the chosen clock, and those of the other one."""
+    if memory.decision.counted_only:
+        interval = SECOND / (memory.options.rate_hz or 1.0)
+        # Messages with another frame_id are not samples of this sensor.
+        first = memory.counts.messages - sum(memory.counts.other_frames.values())
+        place = np.arange(first, first + len(window))
+        return np.rint(place * interval).astype(np.int64), window.receive_ns
+    if memory.decision.clock == 'header':
+        return window.header_ns, window.receive_ns
+    return window.receive_ns, window.header_ns
 
 
-@dataclass(frozen=True)
-class Order:
-    """Which messages can be placed on the timeline."""
-
-    keep: Bools  # messages whose stamp is later than every stamp kept before, shape (n,)
-    duplicate: Bools  # those of the other messages whose stamp repeats the newest, shape (n,)
-    jumps: Bools  # kept messages before which the clock jumped back, shape (n,)
-
-
-def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
-    """Find stamps that repeat or run backward, `last` before them; None if there are none."""
-    # Messages behind the newest stamp are rejected. If many follow each other there, the clock has
-    # jumped back (clock step, bag loop, restarted simulator), and ordering starts afresh with
-    # them.
-    n = len(stamps)
-    if n == 0 or ((last is None or stamps[0] > last) and bool(np.all(stamps[1:] > stamps[:-1]))):
-        return None
-    keep = np.ones(n, dtype=bool)
-    duplicate = np.zeros(n, dtype=bool)
-    jumps = np.zeros(n, dtype=bool)
-    start, newest = 0, last
-    while start < n:
-        part = stamps[start:]
-        before = np.empty(len(part), dtype=np.int64)
-        before[0] = np.iinfo(np.int64).min if newest is None else newest
-        before[1:] = part[:-1]
-        np.maximum.accumulate(before, out=before)
-        ahead = part > before
-        behind = np.flatnonzero(~ahead)
-        keep[start:] = ahead
-        duplicate[start:] = part == before
-        jump = _first_jump_back(part, behind)
-        if jump is None:
-            break
-        at = start + jump
-        stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
-        # Up to eight messages far ahead have stray stamps; with more, the clock jumped forward.
-        if 0 < len(stray) <= 8 and (newest is None or newest < stamps[at]):
-            kept_before = np.flatnonzero(keep[start:stray[0]])
-            if len(kept_before) or newest is not None:
-                keep[stray] = False
-                newest = (int(stamps[start + kept_before[-1]]) if len(kept_before)
-                          else newest)
-                start = at
-                continue
-        jumps[at] = True
-        start, newest = at, None
-    return Order(keep, duplicate, jumps)
+def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
+    """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
+    repeats = repeated(window.samples)
+    flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
+             'receive': flaw_of(window.receive_ns, repeats, bursts=True)}
+    choice = 'header' if options.clock == 'auto' else options.clock
+    if flaws['header'] and options.clock == 'auto':
+        if not flaws['receive']:
+            decision.use_receive(flaws['header'])
+            return
+        if not flaw_of(window.header_ns, repeats, bursts=True):
+            # A coarse clock with several messages per tick is poor, but better than none.
+            flaws['header'] = None
+    if flaws[choice]:
+        if options.rate_hz is None:
+            if np.array_equal(window.header_ns, window.receive_ns):
+                # A table or a log has one time per sample, so there is no clock to choose.
+                raise ImuAllanError(f'the times of the samples are {flaws[choice]}: '
+                                    'mend them, or state the sample rate (analyze --rate)')
+            what = (f'{choice} stamps are {flaws[choice]}: choose the other clock '
+                    '(analyze --clock) or' if options.clock != 'auto' else
+                    f'header stamps are {flaws["header"]} and receive stamps '
+                    f'{flaws["receive"]}:')
+            raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
+        decision.counted_only = True
+        decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
+    elif choice == 'header':
+        # Different messages share a stamp more often than by an occasional driver fault.
+        tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
+        decision.ticks = int(np.count_nonzero(tied)) > max(2, 1e-3 * len(tied))
+        decision.overlaps = overlaps(window.header_ns)
+    decision.clock = choice
 
 
-def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
-    """Find the first of many messages in a row that lie behind the newest stamp but go forward."""
-    if len(behind) < _JUMP_MESSAGES:
-        return None
-    far = behind[_JUMP_MESSAGES - 1:] - behind[:len(behind) - _JUMP_MESSAGES + 1]
-    for first in behind[:len(far)][far == _JUMP_MESSAGES - 1]:
-        run = stamps[first:first + _JUMP_MESSAGES]
-        if np.count_nonzero(np.diff(run) > 0) > _JUMP_MESSAGES // 2:
-            return int(first)
-    return None
+def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> None:
+    """Measure the pace by the first messages, or raise ImuAllanError if it cannot be right."""
+    decision, options = memory.decision, memory.options
+    pace = None if decision.counted_only else _pace_by_either(memory, window, repeats, twice)
+    if pace is None:
+        if options.rate_hz is not None:
+            decision.set_pace(Pace(SECOND / options.rate_hz))
+        return
+    # A table or a log has one time per sample, so there is no clock to choose.
+    one = np.array_equal(window.header_ns, window.receive_ns)
+    decision.take_pace(pace, one)
+    if options.rate_hz is None or options.force_rate or pace.messages < _FEWEST_FOR_RATE:
+        return
+    measured = SECOND / pace.interval_ns
+    if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / pace.messages:
+        clock, decision.clock = decision.clock, None
+        raise ImuAllanError(
+            f'the stated rate is {options.rate_hz:g} Hz, but the '
+            f'{"times" if one else f"{clock} stamps"} advance at {measured:.6g} Hz. Leave '
+            f'out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
+            'or force the stated rate (analyze --clock none)')
 
 
-def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints:
-    """Count for each message those in a row before it with its stamp; `last` had `ties`."""
-    tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
-                     stamps[1:] == stamps[:-1])
-    return count_in_runs(tied, ties)[0]
+def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools
+                    ) -> Pace | None:
+    """Measure the pace, and take receive stamps for the clock if only they are even."""
+    decision = memory.decision
+    # For a polled sensor, only messages with new values show the pace.
+    rows = ~(repeats.held | repeats.frozen | twice)
+    own, other = (stamps[rows] for stamps in stamps_of(memory, window))
+    bursts = decision.separates_equal_stamps
+    if decision.overlaps:
+        own = in_order(own, None, float(np.median(np.diff(own))))
+    if repeats.evenly:
+        polls = ~(repeats.frozen | twice)
+        polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))
+        if _none_lost(polled, beside, bursts):
+            # Removed repeats leave gaps on both clocks, but no sample is lost.
+            return _pace_of(own, None, bursts, each=True)
+    pace = _pace_of(own, other, bursts)
+    if (pace is None or decision.clock != 'header' or memory.options.clock != 'auto'
+            or len(own) < _FEWEST_FOR_RATE
+            or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):
+        return pace
+    speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
+    if _leaps(own, other, pace, speed):
+        decision.use_receive('in leaps')
+        return _pace_of(other, own, bursts=True)
+    # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
+    # samples; beyond, the other clock shows no losses either.
+    if (pace.hidden > 0.3 or (follow_a_beat(own) if pace.counting else
+                              pace.spread < 0.05 and _is_full(own, pace.interval_ns))):
+        return pace
+    second = _pace_of(other, own, bursts=True)
+    if second is not None and pace.counting and second.counting:
+        # Either clock may hide losses, so the larger bound holds.
+        return replace(pace, hidden=max(pace.hidden, second.hidden))
+    # With a wider spread, a clock is too close to the limit to show single losses.
+    if second is None or second.counting or second.spread > 0.2:
+        return pace
+    ratio = second.interval_ns / pace.interval_ns
+    # If the clocks run equally fast, they stamp the same samples, and the even one shows which of
+    # them are missing. Clocks that disagree by more than 12 % do not stamp the same samples.
+    if abs(ratio - 1) > 0.12 < abs(speed - 1):
+        return pace
+    # With one of three dropped, stamps lie 0.17 off a grid of 1.5 intervals. The limits of 0.1
+    # and of three times the clock's spread about its own grid are chosen by judgment, as is
+    # that of 1 % between the intervals of one grid by two clocks.
+    if not pace.counting and not (
+            abs(ratio - 1) > 0.01
+            and spread_about(other, pace.interval_ns) > max(0.1, 3 * second.spread)):
+        # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
+        return pace
+    # No flaw: header stamps are usable, but less suitable.
+    decision.use_receive(None)
+    return second
 
 
-def count_in_runs(same: Bools, before: int) -> tuple[Ints, Ints]:
-    """Count True values in a row up to each element, and in its run; `before` come first."""
-    run = np.cumsum(~same)
-    begins = np.append(-1 - before, np.flatnonzero(~same))
-    lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
-    return np.arange(len(same)) - begins[run], lengths[run]
+def replace_header_clock(memory: Memory, window: Window) -> None:
+    """Switch to receive stamps, in a new run, if header stamps have become unusable."""
+    decision, cursor, repeats = memory.decision, memory.cursor, repeated(window.samples)
+    flaw = flaw_of(window.header_ns, repeats, bursts=False)
+    if not flaw or flaw_of(window.receive_ns, repeats, bursts=True):
+        return
+    decision.clock = 'receive'
+    decision.remarks['clock_changed'] = {'flaw': flaw, 'since_s': cursor.elapsed_ns / SECOND}
+    cursor.last_ns, cursor.other_ns = cursor.other_ns, cursor.last_ns
+    cursor.fresh_run = True
 
 
-def overlaps(stamps: Stamps) -> bool:
-    """Return whether the stamps of successive batches of samples overlap."""
-    # A driver makes such stamps if it back-dates the samples of a FIFO by too long an interval.
-    # After a step back, messages then continue one interval apart. A reordered message would be
-    # followed by a longer step instead.
-    steps = np.diff(stamps)
-    back = np.flatnonzero(steps[:-1] < 0)
-    # At least one message in 200 begins a FIFO batch.
-    if len(back) < max(8, 0.005 * len(steps)):
+def _pace_of(stamps: Stamps, other: Stamps | None, bursts: bool, each: bool = False,
+             ) -> Pace | None:
+    """Measure the pace on the longest run at one rate."""
+    if bursts:
+        stamps = stamps + place_in_burst(stamps, None, 0)
+    order = order_stamps(stamps, None)
+    if order is not None:
+        stamps, other = stamps[order.keep], None if other is None else other[order.keep]
+        edges = [0, *np.flatnonzero(order.jumps[order.keep]).tolist(), len(stamps)]
+        longest = int(np.argmax(np.diff(edges)))
+        run = slice(edges[longest], edges[longest + 1])
+        stamps, other = stamps[run], None if other is None else other[run]
+    part = longest_at_one_rate(stamps)
+    pace = (pace_of_each(stamps[part]) if each else
+            measure_pace(stamps[part], None if other is None else other[part]))
+    return pace and replace(pace, messages=len(stamps[part]))
+
+
+def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
+    """Return whether messages, repeats among them, come without losses."""
+    pace = _pace_of(stamps, other, bursts)
+    if pace is None or pace.counting:
+        return pace is not None and pace.hidden < 0.01
+    # However uneven the polls are, all of them are there.
+    return _is_full(stamps, pace.interval_ns)
+
+
+def _is_full(stamps: Stamps, interval_ns: float) -> bool:
+    """Return whether hardly any place between the first and the last stamp is empty."""
+    places = float(stamps[-1] - stamps[0]) / interval_ns + 1
+    return abs(len(stamps) - places) < 0.01 * places
+
+
+def _leaps(own: Stamps, other: Stamps, pace: Pace, speed: float) -> bool:
+    """Return whether stamps are slow and catch up in leaps that the other clock lacks."""
+    # This happens if microseconds are written into the nanoseconds field.
+    if pace.counting:
         return False
-    usual = float(np.median(steps))
-    return bool(np.mean(steps[back + 1] < 1.5 * usual) > 0.7
-                and np.median(-steps[back]) < _JUMP_MESSAGES * usual)
+    steps, passed = np.diff(own), np.diff(other)
+    near = (steps > 0) & (steps < 1.5 * pace.interval_ns)
+    crawl = float(passed[near].sum()) / max(float(steps[near].sum()), 1.0)
+    # A replay at another speed keeps that speed throughout. The factor of ten is a judgment.
+    # Stamps between two leaps do not show the overall speed, but an impossible rate.
+    return crawl > 10 and (speed < 0.1 * crawl or pace.interval_ns < FASTEST_NS)
 
 
-def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
-    """Raise stamps that lie a few intervals behind to the newest before them."""
-    newest = np.maximum.accumulate(stamps if last is None
-                                   else np.append(np.int64(last), stamps))[-len(stamps):]
-    return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
-
-
-def iso_time(stamp_ns: int) -> str | None:
-    """Format nanoseconds since 1970 as ISO-8601 in UTC; return None if they are out of range."""
-    try:
-        moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(
-            microseconds=stamp_ns // 1000)
-    except OverflowError:
-        return None
-    return moment.isoformat().replace('+00:00', 'Z')
+def repeated(samples: Array) -> Bools:
+    """Return whether each sample but the first equals the one before, absent axes included."""
+    same: Bools = np.all((samples[1:] == samples[:-1])
+                         | (np.isnan(samples[1:]) & np.isnan(samples[:-1])), axis=1)
+    return same

@@ -5,7 +5,7 @@ Findings about the messages, in one module because they are reported together.
 
 These are the findings about stamps, losses, gaps and motion. Those about counts are reported above
 a threshold, which stands beside each. Those about decisions, such as the choice of a clock, come
-from intake.py or stage.py, where it is decided.
+from clock.py or intake.py, where it is decided.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.alive import Content
-from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.memory import Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
+from imu_allan.timeline.stamps import SECOND
 import numpy as np
 
 _LITTLE_HIDDEN = 0.005

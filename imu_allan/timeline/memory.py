@@ -8,14 +8,15 @@ from typing import Any, Literal
 
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Flaw
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import Content, Presence
-from imu_allan.timeline.clock import SECOND, Stamps
 from imu_allan.timeline.messages import Pending
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import Pace
+from imu_allan.timeline.stamps import SECOND, Stamps
 import numpy as np
 
 Clock = Literal['header', 'receive']
@@ -86,6 +87,10 @@ class Counts(Record):
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gravity_samples: int = 0
 
+    def of(self, clock: Clock | None) -> StampCounts:
+        """Return the counts of one clock."""
+        return self.header if clock == 'header' else self.receive
+
     @property
     def one_clock(self) -> bool:
         """Whether there is one time for each message, as in a table, and no clock to choose."""
@@ -150,6 +155,11 @@ class Decision(Record):
         return not self.counted_only and (self.clock == 'receive' or self.ticks
                                           or self.overlaps)
 
+    def use_receive(self, flaw: Flaw | None) -> None:
+        """Use receive stamps, because of a flaw of the header stamps or, with None, as better."""
+        self.clock, self.ticks, self.overlaps = 'receive', False, False
+        self.remarks['receive_clock'] = {'flaw': flaw}
+
     def take_pace(self, pace: Pace, one_clock: bool) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
         if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
@@ -172,10 +182,10 @@ class Decision(Record):
 class Cursor(Record):
     """The position of a timeline on the grid."""
 
-    # Stamps of the first and of the last sample placed.
+    # Stamps of the first and of the last sample placed, and of the last on the other clock.
     first_ns: int | None = None
-    last_ns: int | None = None
-    other_ns: int = 0  # stamp of the last sample on the other clock
+    last_ns: int = 0
+    other_ns: int = 0
     late_ns: float = 0.0  # how far the last stamp lies behind its place
     # Standard deviation of the latest stamps about their places, in intervals.
     jitter: float | None = None
@@ -185,14 +195,9 @@ class Cursor(Record):
     index: int = -1  # grid place of the last sample
     elapsed_ns: int = 0  # time since the first sample, which continues across jumps of the clock
     # Whether the next sample begins a new run, and whether because the clock jumped.
-    fresh_run: bool = False
+    fresh_run: bool = True
     jumped: bool = False
     other_rate: bool = False  # whether messages come at another rate than the first ones
-
-    @property
-    def begins(self) -> bool:
-        """Whether the next sample is the first of its run."""
-        return self.fresh_run or self.last_ns is None
 
 
 @dataclass

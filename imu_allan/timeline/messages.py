@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from imu_allan.arrays import Array, Bools
 from imu_allan.block import ImuBlock, joined
 from imu_allan.state import Record
-from imu_allan.timeline.clock import Stamps
+from imu_allan.timeline.stamps import Stamps
 import numpy as np
-from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,9 @@ class Messages:
     # Messages with unusable values: they have a grid place, which stays empty, shape (n,).
     void: Bools
 
-    def pick(self, rows: slice | Bools | NDArray[np.intp], consumed: int) -> 'Messages':
-        """Return the selected messages, of which `consumed` are to be placed."""
+    def pick(self, rows: slice | Bools) -> 'Messages':
+        """Return the selected messages; those to be placed remain so."""
+        consumed = int(np.count_nonzero(rows[:self.consumed]) if isinstance(rows, np.ndarray)
+                       else len(self.stamps[:self.consumed][rows]))
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
                         self.void[rows])

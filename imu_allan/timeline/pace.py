@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from math import exp, log, pi, sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.timeline.clock import Stamps
+from imu_allan.timeline.stamps import Stamps
 import numpy as np
 
 PHASE_GROUP = 64
@@ -56,6 +56,7 @@ class Pace:
     counting: bool = False
     # Share of all samples, lost ones included, that may be lost without showing in the stamps.
     hidden: float = 0.0
+    messages: int = 0  # stamps from which the first pace of a recording was measured
 
 
 def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:

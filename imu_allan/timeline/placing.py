@@ -3,9 +3,9 @@
 """
 The second stage of a timeline: usable messages find their places on the even grid.
 
-Messages are put in order and split where the clock jumps. Segments at another rate are left out,
-steps on the grid are counted, short gaps interpolated, and long ones listed. This is one class
-because every step moves the same cursor.
+Messages are put in order and split where the clock jumps. Segments at another rate are left out
+(other_rate.py), lost samples are counted (losses.py), short gaps interpolated (grid.py), and long
+ones listed. This is one class because every step moves the same cursor.
 """
 
 from collections.abc import Iterator
@@ -17,23 +17,13 @@ from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
-from imu_allan.timeline.clock import (
-    in_order,
-    order_stamps,
-    place_in_burst,
-    SECOND,
-    Stamps,
-)
-from imu_allan.timeline.grid import (
-    count_steps,
-    even_blocks,
-    EVEN_JITTER,
-    RATE_BLOCK,
-    rate_changes,
-)
+from imu_allan.timeline.grid import even_blocks
+from imu_allan.timeline.losses import count_steps, EVEN_JITTER
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages
-from imu_allan.timeline.pace import measure_pace, Pace
+from imu_allan.timeline.other_rate import is_doubtful, rate_changes, uneven_rates, unpaced
+from imu_allan.timeline.pace import measure_pace
+from imu_allan.timeline.stamps import in_order, order_stamps, place_in_burst, SECOND, Stamps
 import numpy as np
 
 _NEVER_NS = 5 * 365 * 86400 * SECOND
@@ -57,8 +47,8 @@ class Placing(Record):
         """Return whether usable messages are one interval apart, the usual case."""
         cursor, decision = self.cursor, self._decision
         stamps, consumed, interval = messages.stamps, messages.consumed, decision.pace.interval_ns
-        if (not consumed or messages.void.any() or cursor.last_ns is None or cursor.fresh_run
-                or cursor.other_rate or decision.pace.counting or decision.counted_only):
+        if (not consumed or messages.void.any() or cursor.fresh_run or cursor.other_rate
+                or decision.pace.counting or decision.counted_only):
             return False
         first = int(stamps[0]) - cursor.last_ns
         steps = stamps[1:] - stamps[:-1]
@@ -69,25 +59,13 @@ class Placing(Record):
             and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
             < 4 * interval)
 
-    def _place_even(self, messages: Messages) -> EvenBlock:
-        """Fast path of `place` for messages that `_are_even` accepts."""
-        cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
-        assert cursor.last_ns is not None
-        if self._decision.separates_equal_stamps:
-            cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
-        begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
-        block = EvenBlock(messages.samples[:c], cursor.index + 1, start_s=begins / SECOND)
-        passed = int(stamps[c - 1]) - cursor.last_ns
-        lately = stamps[max(c - _LATELY, 0):c]
-        late = ((lately - lately[-1]) / self._decision.pace.interval_ns
-                + np.arange(len(lately) - 1, -1, -1))
-        self._advance(messages, late, passed, c, passed, c)
-        return block
-
     def place(self, messages: Messages) -> Iterator[EvenBlock]:
         """Put messages on the grid, or raise ImuAllanError if no IMU has their pace."""
         if self._are_even(messages):
-            yield self._place_even(messages)
+            if self._decision.separates_equal_stamps:
+                newest = int(messages.stamps[messages.consumed - 1])
+                self.cursor.tied_to, self.cursor.ties = newest, 0
+            yield from self._put(messages, np.ones(len(messages.stamps), dtype=np.int64))
         elif len(messages.stamps):
             for run in self._runs(messages):
                 yield from self._at_one_rate(run)
@@ -104,8 +82,8 @@ class Placing(Record):
             counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
             early = ~(order.keep | order.duplicate)[:c]
             counts.out_of_order += int(np.count_nonzero(early & usable))
-            c = int(np.count_nonzero(order.keep[:c]))
-            messages, jumps = messages.pick(order.keep, c), order.jumps[order.keep]
+            messages, jumps = messages.pick(order.keep), order.jumps[order.keep]
+        c = messages.consumed
         if not c:
             return
         jumps |= self._forward_jumps(messages.stamps, messages.other)
@@ -115,11 +93,11 @@ class Placing(Record):
                 counts.clock_jumps += 1
                 cursor.fresh_run = cursor.jumped = True
             end = next((s for s in starts if s >= last), len(jumps))
-            run = messages.pick(slice(first, end), last - first)
-            if cursor.begins and run.void.any():
+            run = messages.pick(slice(first, end))
+            if cursor.fresh_run and run.void.any():
                 # Unusable messages before the first sample are not missing.
                 empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
-                run = run.pick(slice(empty, None), max(run.consumed - empty, 0))
+                run = run.pick(slice(empty, None))
             if run.consumed:
                 yield run
 
@@ -140,7 +118,7 @@ class Placing(Record):
         interval = self._decision.pace.interval_ns
         # A jump of one clock alone by more than a second is a step of that clock.
         limit = max(SECOND, min(200 * interval, _NEVER_NS))
-        last = cursor.last_ns if cursor.last_ns is not None else int(stamps[0])
+        last = int(stamps[0]) if cursor.first_ns is None else cursor.last_ns
         steps = np.diff(stamps, prepend=last)
         for at in np.flatnonzero(steps > limit).tolist():
             low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
@@ -158,16 +136,21 @@ class Placing(Record):
             pace = measure_pace(messages.stamps)
             if pace is not None:
                 decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
-        c, steps = messages.consumed, self._steps(messages)
-        if not decision.counted_only and (cursor.other_rate
-                                          or self._rate_uncertain(messages, steps)):
+        c, steps, changes = messages.consumed, self._steps(messages), [(0, False)]
+        known = messages.stamps[:c], steps[:c], decision.pace, self._options.gap_tolerance + 1
+        if not decision.counted_only and (cursor.other_rate or is_doubtful(*known)):
             changes = rate_changes(self._places(messages)[:c], decision.pace, cursor.other_rate)
-            if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
-                yield from self._split_by_rate(messages, changes)
-                return
-            cursor.other_rate = False
-            self._note_uneven(messages, steps)
-        yield from self._put(messages, steps)
+            if changes == [(0, True)] and self._as_before(messages):
+                changes = [(0, False)]
+            if changes == [(0, False)]:
+                self._note_uneven(uneven_rates(*known))
+        for (first, other_rate), (last, _) in pairwise([*changes, (c, False)]):
+            part = messages.pick(slice(first, last if last < c else None))
+            if part.consumed and other_rate:
+                self._leave_out(part)
+            elif part.consumed:
+                cursor.other_rate = False
+                yield from self._put(part, steps if len(changes) == 1 else self._steps(part))
 
     def _as_before(self, messages: Messages) -> bool:
         """Return whether messages together have the previous rate, which outages hide in parts."""
@@ -175,25 +158,13 @@ class Placing(Record):
         return pace is not None and abs(
             pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
 
-    def _split_by_rate(self, messages: Messages,
-                       changes: list[tuple[int, bool]]) -> Iterator[EvenBlock]:
-        ends = [first for first, _ in changes[1:]] + [messages.consumed]
-        for (first, other_rate), last in zip(changes, ends, strict=True):
-            end = len(messages.stamps) if last == messages.consumed else last
-            part = messages.pick(slice(first, end), last - first)
-            if part.consumed and other_rate:
-                self._leave_out(part)
-            elif part.consumed:
-                self.cursor.other_rate = False
-                yield from self._put(part, self._steps(part))
-
     def _leave_out(self, messages: Messages) -> None:
         """Reject messages that come at another rate."""
         cursor, counts = self.cursor, self._counts
         n = messages.consumed
         counts.rejected += int(np.count_nonzero(~messages.void[:n]))
         if not counts.changed_rate_hz and n > 1:
-            since = (0 if cursor.last_ns is None
+            since = (0 if cursor.first_ns is None
                      else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
             counts.rate_changed_s = since / SECOND
             pace = measure_pace(messages.stamps[:n])
@@ -204,7 +175,7 @@ class Placing(Record):
     def _places(self, messages: Messages) -> Array:
         """Return stamps in intervals since the last sample placed."""
         cursor, interval = self.cursor, self._decision.pace.interval_ns
-        if cursor.fresh_run or cursor.last_ns is None:
+        if cursor.fresh_run:
             since, late = messages.stamps - messages.stamps[0], interval
         else:
             since, late = messages.stamps - cursor.last_ns, cursor.late_ns
@@ -214,55 +185,15 @@ class Placing(Record):
     def _steps(self, messages: Messages) -> Ints:
         """Count grid steps to each message from the one before."""
         cursor, pace = self.cursor, self._decision.pace
-        late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
-        return count_steps(self._places(messages), pace, late, cursor.begins)
+        late = 0.0 if cursor.fresh_run else cursor.late_ns / pace.interval_ns
+        return count_steps(self._places(messages), pace, late, cursor.fresh_run)
 
-    def _passed(self, stamps: Stamps, steps: Ints) -> tuple[float, int, int]:
-        """Return elapsed intervals, grid places and number of messages, each without gaps."""
-        pace, steps = self._decision.pace, steps[1:]
-        passed = np.diff(stamps)
-        short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
-        return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
-                int(np.count_nonzero(short)))
-
-    def _disagree(self, passed: float, counted: int, messages: int) -> bool:
-        """Return whether elapsed and counted intervals differ by more than jitter explains."""
-        pace = self._decision.pace
-        width = sqrt(12) * pace.spread if pace.counting else 0.0
-        return abs(passed - counted) > 4 + width + 0.003 * messages
-
-    def _note_uneven(self, messages: Messages, steps: Ints) -> None:
+    def _note_uneven(self, rates: list[float]) -> None:
         """Record rates that differ too little, or too briefly, for messages to be left out."""
-        counts, c = self._counts, messages.consumed
-        stamps, steps = messages.stamps[:c], steps[:c]
-        whole = self._uneven_rate(stamps, steps)
-        if whole is None:
-            return
-        # A difference for some seconds is small in the whole, so parts of 256 messages are
-        # checked, too. At least `_LATELY` of these must be free of gaps.
-        parts = [self._uneven_rate(stamps[first:first + 256], steps[first:first + 256])
-                 for first in range(0, c, 128)]
-        rates = [SECOND / self._decision.pace.interval_ns, whole, *filter(None, parts)]
-        counts.lowest_rate_hz = min(counts.lowest_rate_hz or whole, *rates)
-        counts.highest_rate_hz = max(counts.highest_rate_hz, *rates)
-
-    def _uneven_rate(self, stamps: Stamps, steps: Ints) -> float | None:
-        """Return the rate of messages, or None if it is unchanged or they are too few."""
-        passed, counted, unbroken = self._passed(stamps, steps)
-        if counted < _LATELY or passed <= 0 or not self._disagree(passed, counted, unbroken):
-            return None
-        return SECOND / self._decision.pace.interval_ns * counted / passed
-
-    def _rate_uncertain(self, messages: Messages, steps: Ints) -> bool:
-        c = messages.consumed
-        if c < 2:
-            return False
-        passed, counted, unbroken = self._passed(messages.stamps[:c], steps[:c])
-        if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
-            return True
-        # Half the rate for some of the messages looks like every second one lost.
-        blocks = steps[1:c][:(c - 1) // RATE_BLOCK * RATE_BLOCK].reshape(-1, RATE_BLOCK)
-        return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= RATE_BLOCK // 2))
+        counts, usual = self._counts, SECOND / self._decision.pace.interval_ns
+        if rates:
+            counts.lowest_rate_hz = min(counts.lowest_rate_hz or usual, usual, *rates)
+            counts.highest_rate_hz = max(counts.highest_rate_hz, usual, *rates)
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
         """Put messages on the grid and update the counts."""
@@ -272,43 +203,42 @@ class Placing(Record):
             used = ~messages.void
             rows = np.flatnonzero(used[:messages.consumed])
             empty = int(rows[-1]) + 1 - len(rows) if len(rows) else 0
-            messages = messages.pick(used, len(rows))
+            messages = messages.pick(used)
             steps = np.diff(np.cumsum(steps)[used], prepend=0)
         c, stamps = messages.consumed, messages.stamps
         if not c:
             return []
         interval = self._decision.pace.interval_ns
-        new_run = cursor.begins
+        new_run = cursor.fresh_run
         if new_run:
             self._begin_run(int(stamps[0]), int(messages.other[0]), interval)
             steps[0] = 1
             self._memory.tail = np.empty((0, 6))
-        reference = int(stamps[0]) if new_run or cursor.last_ns is None else cursor.last_ns
-        tolerated = self._options.gap_tolerance + 1
-        known = steps[:c]
-        index = cursor.index + np.cumsum(known)
-        missing = int(index[-1]) - cursor.index - c
+        reference = int(stamps[0]) if new_run else cursor.last_ns
+        known, places = steps[:c], int(steps[:c].sum())
         elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
-        behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
-        if missing:
+        left_out_ns = left_out = 0
+        if places == c:
+            blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
+                                start_s=float(elapsed[0]) / SECOND)]
+        else:
+            tolerated = self._options.gap_tolerance + 1
+            behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
             for at in np.flatnonzero(known > tolerated).tolist():
                 lasts = int(behind[at])
                 counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
-        left_out_ns, left_out = _unpaced(behind, known, tolerated, self._decision.pace)
-        paced_ns = int(elapsed[-1]) - cursor.elapsed_ns - left_out_ns
-        paced_steps = int(index[-1]) - cursor.index - (1 if new_run else 0) - left_out
-        counts.missing += missing - empty
-        if missing:
-            blocks = even_blocks(self._memory.tail, messages.samples, steps, index, elapsed,
-                                 interval, tolerated, new_run)
+            left_out_ns, left_out = unpaced(behind, known, tolerated, self._decision.pace)
+            blocks = even_blocks(self._memory.tail, messages.samples, steps,
+                                 cursor.index + np.cumsum(known), elapsed, interval, tolerated,
+                                 new_run)
             counts.interpolated += sum(len(block.interpolated) for block in blocks)
-        else:
-            blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
-                                start_s=float(elapsed[0]) / SECOND)]
+        counts.missing += places - c - empty
         lately = slice(max(c - _LATELY, 0), c)
-        late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
-        self._advance(messages, late, int(elapsed[-1]) - cursor.elapsed_ns,
-                      int(index[-1]) - cursor.index, paced_ns, paced_steps)
+        place = np.cumsum(known[lately])
+        late = (elapsed[lately] - elapsed[-1]) / interval - (place - place[-1])
+        passed_ns = int(elapsed[-1]) - cursor.elapsed_ns
+        self._advance(messages, late, passed_ns, places, passed_ns - left_out_ns,
+                      places - new_run - left_out)
         return blocks
 
     def _advance(self, messages: Messages, late: Array, passed_ns: int, places: int,
@@ -349,7 +279,7 @@ class Placing(Record):
         cursor = self.cursor
         cursor.fresh_run, jumped = False, cursor.jumped
         cursor.jumped = False
-        if cursor.last_ns is None:
+        if cursor.first_ns is None:
             cursor.first_ns = stamp
             return
         passed = stamp - cursor.last_ns
@@ -360,24 +290,3 @@ class Placing(Record):
         if passed > (self._options.gap_tolerance + 1.5) * interval:
             self._counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
         cursor.elapsed_ns += passed
-
-
-def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
-    """Find long gaps, as opposed to single messages that are as late as a gap is long."""
-    far: Bools = steps > tolerated
-    # If only the message is late, time and places differ by three intervals or more.
-    return far if pace.counting else far & (
-        np.abs(passed / pace.interval_ns - steps) < 3.0)
-
-
-def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
-    """Return the time and places to exclude from the rate: gaps, and places beside them."""
-    # Up to 64 steps are counted correctly at any rate near the true one, and help to measure it.
-    gaps = _gaps(passed, steps, tolerated if pace.counting else 64, pace)
-    if not pace.counting and np.count_nonzero(gaps) * SPARSE < len(gaps):
-        # With jitter, a place of a gap may be counted up to three steps beside it.
-        beside = np.flatnonzero(gaps)[:, None] + np.arange(-3, 4)
-        gaps[np.clip(beside, 0, len(gaps) - 1)] = True
-    # With uneven stamps, the pause before a batch is not part of the gap.
-    time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
-    return int(time[gaps].sum()), int(steps[gaps].sum())

@@ -17,13 +17,13 @@ from imu_allan.arrays import runs
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
-from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Placing
+from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +119,7 @@ class TimelineStage(Record):
     def epoch_ns(self) -> int | None:
         """Stamp of the clock in use at time zero; it changes if the clock jumps."""
         cursor = self._placing.cursor
-        if cursor.last_ns is None or self._intake.decision.counted_only:
+        if cursor.first_ns is None or self._intake.decision.counted_only:
             return None
         return cursor.last_ns - cursor.elapsed_ns
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Span, Timeline
-from imu_allan.timeline.clock import iso_time, SECOND
 from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
 from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
+from imu_allan.timeline.stamps import iso_time, SECOND
 
 
 @dataclass(frozen=True)

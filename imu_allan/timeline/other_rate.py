@@ -1,0 +1,144 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages at another rate than the first ones: whether to look for them, and where they are.
+
+Another rate that lasts is left out; one that is too near, or too brief, is reported as uneven.
+"""
+
+from math import pi, sqrt
+
+from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.timeline.options import RATE_TOLERANCE
+from imu_allan.timeline.pace import FIRM_PHASE, group_phases, Pace
+from imu_allan.timeline.stamps import SECOND, Stamps
+import numpy as np
+
+_BLOCK = 64
+"""Messages from which one rate is measured."""
+
+
+def is_doubtful(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
+    """Return whether some messages, `steps` grid places apart, may come at another rate."""
+    n = len(stamps)
+    if n < 2:
+        return False
+    passed, counted, unbroken = _without_gaps(stamps, steps, pace, tolerated)
+    if _disagree(passed, counted, n, pace) or counted - unbroken > 0.25 * n:
+        return True
+    # Half the rate for some of the messages looks like every second one lost.
+    blocks = steps[1:][:(n - 1) // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
+    return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= _BLOCK // 2))
+
+
+def uneven_rates(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> list[float]:
+    """Return the rates in Hz of messages whose rate differs too little to leave any out."""
+    whole = _uneven_rate(stamps, steps, pace, tolerated)
+    if whole is None:
+        return []
+    # A difference for some seconds is small in the whole, so parts of 256 messages are checked.
+    parts = [_uneven_rate(stamps[first:first + 256], steps[first:first + 256], pace, tolerated)
+             for first in range(0, len(stamps), 128)]
+    return [whole, *filter(None, parts)]
+
+
+def _uneven_rate(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> float | None:
+    """Return the rate of messages, or None if it is unchanged or too few are free of gaps."""
+    passed, counted, unbroken = _without_gaps(stamps, steps, pace, tolerated)
+    if counted < 128 or passed <= 0 or not _disagree(passed, counted, unbroken, pace):
+        return None
+    return SECOND / pace.interval_ns * counted / passed
+
+
+def _without_gaps(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int
+                  ) -> tuple[float, int, int]:
+    """Return elapsed intervals, grid places and number of messages, each without gaps."""
+    passed, steps = np.diff(stamps), steps[1:]
+    short = ~_gaps(passed, steps, tolerated, pace)
+    return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
+            int(np.count_nonzero(short)))
+
+
+def _disagree(passed: float, counted: int, messages: int, pace: Pace) -> bool:
+    """Return whether elapsed and counted intervals differ by more than jitter explains."""
+    width = sqrt(12) * pace.spread if pace.counting else 0.0
+    return abs(passed - counted) > 4 + width + 0.003 * messages
+
+
+def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
+    """Find long gaps, as opposed to single messages that are as late as a gap is long."""
+    far: Bools = steps > tolerated
+    # If only the message is late, time and places differ by three intervals or more.
+    return far if pace.counting else far & (
+        np.abs(passed / pace.interval_ns - steps) < 3.0)
+
+
+def unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
+    """Return the time and places to exclude from the rate: gaps, and places beside them."""
+    # Up to 64 steps are counted correctly at any rate near the true one, and help to measure it.
+    gaps = _gaps(passed, steps, tolerated if pace.counting else 64, pace)
+    if not pace.counting and np.count_nonzero(gaps) * 16 < len(gaps):
+        # With jitter, a place of a gap may be counted up to three steps beside it.
+        beside = np.flatnonzero(gaps)[:, None] + np.arange(-3, 4)
+        gaps[np.clip(beside, 0, len(gaps) - 1)] = True
+    # With uneven stamps, the pause before a batch is not part of the gap.
+    time = np.rint(steps * pace.interval_ns).astype(np.int64) if pace.counting else passed
+    return int(time[gaps].sum()), int(steps[gaps].sum())
+
+
+def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
+    """Return the first message of each segment at one rate, and whether at another one."""
+    # A segment lasts at least two blocks. A block has 64 messages, 256 where messages are counted,
+    # and more if they come in long batches.
+    block = _BLOCK
+    if pace.counting:
+        # A block of 16 batches: one more or less changes the rate by 6 %.
+        block = max(4 * block, round(16 * sqrt(12) * pace.spread))
+    starts = list(range(0, max(len(places) - block, 0) + 1, block))
+    ends = [*starts[1:], len(places)]
+    off = [not _on_rate(places[first:last], pace.counting)
+           for first, last in zip(starts, ends, strict=True)]
+    runs: list[tuple[int, bool]] = []
+    state = other_rate
+    for number, start in enumerate(starts):
+        lasting = off[number:number + 2] == [not state, not state]
+        if lasting:
+            state = not state
+        if not runs or runs[-1][1] != state:
+            runs.append((start, state))
+    edges = [0, *(_change_point(places, first, other) for first, other in runs[1:])]
+    # Changes are located one by one, so those around a short run may be out of order.
+    ordered = np.maximum.accumulate(edges).tolist()
+    return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
+
+
+def _on_rate(places: Array, counting: bool) -> bool:
+    """Return whether messages n apart are mostly n intervals apart, for one of several n."""
+    tolerance = 0.1 if counting else RATE_TOLERANCE
+    # By chance, the mean cosine of 64 jittering steps falls only a third as far below zero.
+    if not counting and len(places) > 1 and float(
+            np.mean(np.cos(2 * pi * np.diff(places)))) < -0.3:
+        # With regular drops, messages at another rate may be n intervals apart by chance.
+        return False
+    for apart in (1, 2, 4, 16, 64, 256):
+        if len(places) <= apart:
+            break
+        distance = float(np.median(places[apart:] - places[:-apart])) / apart
+        if abs(distance - 1) < tolerance:
+            return True
+    # If samples are dropped regularly, messages n apart never span n intervals.
+    one = np.rint(np.diff(places)) == 1
+    _, length = group_phases(places)
+    return len(places) < 2 or bool(np.mean(one) > 0.3 and np.mean(length) > FIRM_PHASE
+                                   and places[-1] - places[0] > 0.9 * (len(places) - 1))
+
+
+def _change_point(places: Array, near: int, to_other: bool) -> int:
+    """Locate the message near number `near` at which the rate changes."""
+    reach = 256   # messages on each side
+    first, last = max(near - reach, 0), min(near + reach, len(places) - 1)
+    steps = np.diff(places[first:last + 1])
+    other = float(np.median(steps[-reach // 2:] if to_other else steps[:reach // 2]))
+    worse = np.minimum(np.abs(steps - 1), 1) - np.minimum(np.abs(steps - other), 1)
+    total = np.cumsum(worse if to_other else -worse)
+    return first + 1 + int(np.argmin(total))

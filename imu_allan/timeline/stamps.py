@@ -1,0 +1,151 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Stamps of messages: what makes them unusable, where they jump, run backward or repeat.
+
+All stamps are int64 nanoseconds. The header stamp is when the driver says the sample was taken,
+the receive stamp is when the recorder or the subscription got the message.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta, timezone
+
+from imu_allan.arrays import Bools, Ints
+from imu_allan.finding import Flaw
+import numpy as np
+from numpy.typing import NDArray
+
+Stamps = Ints
+
+SECOND = 1_000_000_000  # nanoseconds, the unit of all stamps
+_JUMP_MESSAGES = 16
+"""If this many messages in a row stay behind, the clock jumped back; fewer are only reordered."""
+
+
+def flaw_of(stamps: Stamps, repeats: Bools, bursts: bool) -> Flaw | None:
+    """Return what makes `stamps`, in order of arrival, unusable as the clock, or None."""
+    # A message that `repeats` the content of the one before is not a flaw of the clock. With
+    # `bursts`, equal stamps are expected.
+    if len(stamps) < 2:
+        return None
+    if not stamps.any():
+        return 'zero'
+    steps = np.diff(stamps)
+    if not steps.any():
+        # A few copies of one message say nothing about the clock.
+        return None if repeats.all() and len(stamps) < 8 else 'constant'
+    if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
+        return 'in whole seconds'
+    distinct = steps[~(repeats & (steps == 0))]
+    if np.mean(distinct == 0) > (0.98 if bursts else 0.1):
+        return 'coarse'
+    return 'out of order' if np.mean(distinct < 0) > 0.2 else None
+
+
+@dataclass(frozen=True)
+class Order:
+    """Which messages can be placed on the timeline."""
+
+    keep: Bools  # messages whose stamp is later than every stamp kept before, shape (n,)
+    duplicate: Bools  # those of the other messages whose stamp repeats the newest, shape (n,)
+    jumps: Bools  # kept messages before which the clock jumped back, shape (n,)
+
+
+def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
+    """Find stamps that repeat or run backward, `last` before them; None if there are none."""
+    # Messages behind the newest stamp are rejected. If many follow each other there, the clock has
+    # jumped back (clock step, bag loop, restarted simulator), and ordering starts afresh with
+    # them.
+    n = len(stamps)
+    if n == 0 or ((last is None or stamps[0] > last) and bool(np.all(stamps[1:] > stamps[:-1]))):
+        return None
+    keep = np.ones(n, dtype=bool)
+    duplicate = np.zeros(n, dtype=bool)
+    jumps = np.zeros(n, dtype=bool)
+    start, newest = 0, last
+    while start < n:
+        part = stamps[start:]
+        before = np.empty(len(part), dtype=np.int64)
+        before[0] = np.iinfo(np.int64).min if newest is None else newest
+        before[1:] = part[:-1]
+        np.maximum.accumulate(before, out=before)
+        ahead = part > before
+        behind = np.flatnonzero(~ahead)
+        keep[start:] = ahead
+        duplicate[start:] = part == before
+        jump = _first_jump_back(part, behind)
+        if jump is None:
+            break
+        at = start + jump
+        stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
+        # Up to eight messages far ahead have stray stamps; with more, the clock jumped forward.
+        if 0 < len(stray) <= 8 and (newest is None or newest < stamps[at]):
+            kept_before = np.flatnonzero(keep[start:stray[0]])
+            if len(kept_before) or newest is not None:
+                keep[stray] = False
+                newest = (int(stamps[start + kept_before[-1]]) if len(kept_before)
+                          else newest)
+                start = at
+                continue
+        jumps[at] = True
+        start, newest = at, None
+    return Order(keep, duplicate, jumps)
+
+
+def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
+    """Find the first of many messages in a row that lie behind the newest stamp but go forward."""
+    if len(behind) < _JUMP_MESSAGES:
+        return None
+    far = behind[_JUMP_MESSAGES - 1:] - behind[:len(behind) - _JUMP_MESSAGES + 1]
+    for first in behind[:len(far)][far == _JUMP_MESSAGES - 1]:
+        run = stamps[first:first + _JUMP_MESSAGES]
+        if np.count_nonzero(np.diff(run) > 0) > _JUMP_MESSAGES // 2:
+            return int(first)
+    return None
+
+
+def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> Ints:
+    """Count for each message those in a row before it with its stamp; `last` had `ties`."""
+    tied = np.append(len(stamps) > 0 and last is not None and stamps[0] == last,
+                     stamps[1:] == stamps[:-1])
+    return count_in_runs(tied, ties)[0]
+
+
+def count_in_runs(same: Bools, before: int) -> tuple[Ints, Ints]:
+    """Count True values in a row up to each element, and in its run; `before` come first."""
+    run = np.cumsum(~same)
+    begins = np.append(-1 - before, np.flatnonzero(~same))
+    lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
+    return np.arange(len(same)) - begins[run], lengths[run]
+
+
+def overlaps(stamps: Stamps) -> bool:
+    """Return whether the stamps of successive batches of samples overlap."""
+    # A driver makes such stamps if it back-dates the samples of a FIFO by too long an interval.
+    # After a step back, messages then continue one interval apart. A reordered message would be
+    # followed by a longer step instead.
+    steps = np.diff(stamps)
+    back = np.flatnonzero(steps[:-1] < 0)
+    # At least one message in 200 begins a FIFO batch.
+    if len(back) < max(8, 0.005 * len(steps)):
+        return False
+    usual = float(np.median(steps))
+    return bool(np.mean(steps[back + 1] < 1.5 * usual) > 0.7
+                and np.median(-steps[back]) < _JUMP_MESSAGES * usual)
+
+
+def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
+    """Raise stamps that lie a few intervals behind to the newest before them."""
+    newest = np.maximum.accumulate(stamps if last is None
+                                   else np.append(np.int64(last), stamps))[-len(stamps):]
+    return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
+
+
+def iso_time(stamp_ns: int) -> str | None:
+    """Format nanoseconds since 1970 as ISO-8601 in UTC; return None if they are out of range."""
+    try:
+        moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(
+            microseconds=stamp_ns // 1000)
+    except OverflowError:
+        return None
+    return moment.isoformat().replace('+00:00', 'Z')
