@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from imu_allan.arrays import Array, Bools, runs
 from imu_allan.state import Record
 from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
-from imu_allan.timeline.stamps import count_in_runs
+from imu_allan.timeline.stamps import count_in_runs, off_a_line
 import numpy as np
 
 FROZEN_RUN = 24
@@ -163,9 +163,7 @@ def _come_evenly(again: Bools) -> bool:
     # Repeats matter from a share of 0.03, which changes N by 1 %.
     if len(again) - len(new) < max(32, 0.03 * len(again)) or len(new) < 64:
         return False
-    number = np.arange(len(new)) - (len(new) - 1) / 2
-    residual = new - new.mean() - (number @ new) / (number @ number) * number
-    return float(residual.std()) < 0.7
+    return float(off_a_line(new).std()) < 0.7
 
 
 @dataclass

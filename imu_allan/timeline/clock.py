@@ -21,6 +21,7 @@ from imu_allan.timeline.pace import (
     measure_pace,
     Pace,
     pace_of_each,
+    PHASE_GROUP,
     spread_about,
 )
 from imu_allan.timeline.stamps import (
@@ -33,9 +34,6 @@ from imu_allan.timeline.stamps import (
     Stamps,
 )
 import numpy as np
-
-_FEWEST_FOR_RATE = 64
-"""Fewest stamps that give the rate well enough to contradict the stated one."""
 
 
 def stamps_of(memory: Memory, window: Window) -> tuple[Stamps, Stamps]:
@@ -96,7 +94,8 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
     # A table or a log has one time per sample, so there is no clock to choose.
     one = np.array_equal(window.header_ns, window.receive_ns)
     decision.take_pace(pace, one)
-    if options.rate_hz is None or options.force_rate or pace.messages < _FEWEST_FOR_RATE:
+    # Fewer stamps do not give the rate well enough to contradict the stated one.
+    if options.rate_hz is None or options.force_rate or pace.messages < PHASE_GROUP:
         return
     measured = SECOND / pace.interval_ns
     if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / pace.messages:
@@ -126,7 +125,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
             return _pace_of(own, None, bursts, each=True)
     pace = _pace_of(own, other, bursts)
     if (pace is None or decision.clock != 'header' or memory.options.clock != 'auto'
-            or len(own) < _FEWEST_FOR_RATE
+            or len(own) < PHASE_GROUP
             or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):
         return pace
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)

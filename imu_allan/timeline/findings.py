@@ -21,9 +21,6 @@ from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.stamps import SECOND
 import numpy as np
 
-_LITTLE_HIDDEN = 0.005
-"""Fewer hidden losses change the noise density by less than a tenth of a usual interval."""
-
 Figures = dict[str, dict[str, Any]]
 """Figures of findings about the recording as a whole, by code."""
 
@@ -43,13 +40,14 @@ def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
 
 
 def _hidden_error(decision: Decision) -> float:
+    # Fewer hidden losses change the noise density by less than a tenth of a usual interval.
     hidden = decision.pace.hidden
-    return hidden / 2 / (1 - hidden) if hidden >= _LITTLE_HIDDEN else 0.0
+    return hidden / 2 / (1 - hidden) if hidden >= 0.005 else 0.0
 
 
 def _short_error(counts: Counts, decision: Decision) -> float:
     error = decision.rate_error(counts.paced_steps) if decision.pace.counting else 0.0
-    return error if error > _LITTLE_HIDDEN else 0.0
+    return error if error > 0.005 else 0.0
 
 
 def _interpolation_error(counts: Counts) -> float:

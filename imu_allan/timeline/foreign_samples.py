@@ -4,22 +4,16 @@
 
 from collections.abc import Iterator
 from math import pi
-from typing import Literal
+from typing import Any, Literal
 
 from imu_allan.arrays import Array, Bools, Ints
 import numpy as np
+from numpy.typing import NDArray
 
 LARGEST = 1e9
 """Larger values, in SI units, are corrupt data, as no IMU measures them."""
 _BLOCK = 64
 """Samples per transform: drift stays out of its upper half, where neighbours are compared."""
-_ALTERNATING_AXES = 3
-"""Axes that must alternate: two sensors differ in most axes, while mains hum at half the sample
-rate shows in one or two."""
-_LASTING_LAGS = range(16, 25)
-"""Messages after which random losses have mixed two sensors, while a vibration persists."""
-_SPIKE_SIGMAS = 10.0
-"""Threshold in standard deviations of the noise, which the finding quotes. Chosen by judgment."""
 
 
 def alternates(samples: Array) -> Literal['', 'means', 'noise']:
@@ -34,7 +28,7 @@ def alternates(samples: Array) -> Literal['', 'means', 'noise']:
     if blocks < 8 or not there.any():
         return ''
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
-    enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
+    enough = _enough_axes(known)
     # Interpolated axes are left out: there, nearly every second sample is the mean of its
     # neighbours.
     bends = np.abs(np.diff(known, 2, axis=0))
@@ -58,6 +52,12 @@ def alternates(samples: Array) -> Literal['', 'means', 'noise']:
     if np.count_nonzero(found) >= enough:
         return 'noise'
     return 'means' if means else ''
+
+
+def _enough_axes(known: Array) -> int:
+    """Return how many axes must show two sensors: they differ in most axes, hum in one or two."""
+    enough: int = min(3, (known.shape[1] + 1) // 2)
+    return enough
 
 
 def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:
@@ -107,8 +107,7 @@ def are_interleaved(stamps: Ints, samples: Array, interval_ns: float
         # Two that each drop one of three or four: the interval is that of all messages.
         grid += [3 / 2 * interval_ns, 4 / 3 * interval_ns]
     kind: Literal['half', 'apart'] = 'half'
-    # Hum near half the rate alternates as well, but shows in only one or two axes.
-    for axes in range(min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)):
+    for axes in range(_enough_axes(known)):
         # Side and time correlate by 0.2 to 1 for two sensors. None of 289 random scenarios with
         # one sensor reached 0.03; anticorrelated noise with losses reaches 0.12. Axes after the
         # one that shows it most show it less.
@@ -141,7 +140,7 @@ def _side_in_time(time: Array, known: Array, grid: list[float], least: float
             shortest = float(one[np.abs(one - short) <= 0.3 * abs(short)].mean())
             periods += [shortest, 2 * shortest]
         side -= side.mean()
-        products = np.concatenate([side[lag:] * side[:-lag] for lag in _LASTING_LAGS])
+        products = _products_in_time(side)
         for period in periods:
             # Jitter of a fifth of the interval leaves the period off by up to 1.4 %.
             if period > 0 and any(_in_turn(time, period * (1 + off), products, least)
@@ -162,10 +161,16 @@ def _offset(time: Array, side: Array, period: float) -> float:
 def _in_turn(time: Array, period: float, products: Array, least: float) -> bool:
     """Return whether messages are whole periods apart if, and only if, they share a side."""
     phase = np.exp(2j * pi / period * time)
-    whole = np.concatenate([(phase[lag:] * phase[:-lag].conj()).real for lag in _LASTING_LAGS])
+    whole = _products_in_time(phase)
     whole -= whole.mean()
     spread = float(np.mean(whole**2) * np.mean(products**2))
     return spread > 1e-6 and float(np.mean(whole * products)) > least * spread**0.5
+
+
+def _products_in_time(values: NDArray[Any]) -> Array:
+    """Multiply values by those before, after which random losses have mixed two sensors."""
+    # A vibration persists that long.
+    return np.concatenate([(values[lag:] * values[:-lag].conj()).real for lag in range(16, 25)])
 
 
 def _apart(known: Array) -> Iterator[Array]:
@@ -193,7 +198,7 @@ def noise_of_steps(steps: Array) -> Array:
 def may_have_outlier(steps: Array, sigma: Array) -> bool:
     """Return quickly whether any step is large enough to lead to an outlier."""
     # Even on a ramp, an outlier is reached by a step of at least 0.7 of its distance.
-    largest = 0.7 * _SPIKE_SIGMAS * sigma
+    largest = 7.0 * sigma
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
@@ -204,7 +209,8 @@ def spikes(samples: Array, before: Array | None, noise: Array) -> Bools:
     known = samples if before is None else np.concatenate([before[None], samples])
     steps = np.diff(known, axis=0)
     # A noise-free simulation still has rounding errors.
-    farthest = _SPIKE_SIGMAS * np.maximum(noise, 1e-12 * np.abs(known).max(axis=0))
+    sigma = np.maximum(noise, 1e-12 * np.abs(known).max(axis=0))
+    farthest = 10.0 * sigma   # which the finding quotes; chosen by judgment
     # Only a larger step leads that far away from the median of five samples.
     large = np.flatnonzero((np.abs(steps) > farthest).any(axis=1))
     near = np.unique([large, large + 1])
@@ -221,7 +227,7 @@ def spikes(samples: Array, before: Array | None, noise: Array) -> Bools:
     beside = np.where(inside, beside, 0)
     others = (inside & ~found[beside])[:, :, None]
     count = np.maximum(others.sum(axis=1), 1)
-    values = samples[beside] / (farthest / _SPIKE_SIGMAS)
+    values = samples[beside] / sigma
     mean = np.sum(np.where(others, values, 0.0), axis=1) / count
     # The samples around an outlier are this loud in one of 10,000 cases by chance, but nearly
     # always in a knock, which rings.

@@ -11,7 +11,7 @@ one place unchanged.
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.timeline.pace import (
-    FIRM_PHASE,
+    COUNTING_SPREAD,
     group_phases,
     lasting_jumps,
     Pace,
@@ -47,8 +47,8 @@ def count_steps(places: Array, pace: Pace, late: float = 0.0, new_run: bool = Fa
 
 def _missing_by_phase(phase: Array, new_run: bool) -> Ints | None:
     """Count all samples missing before each message, by the phase less its slow drift."""
-    turn, length = group_phases(phase)
-    if np.mean(length) < FIRM_PHASE:
+    turn, spread = group_phases(phase)
+    if spread > COUNTING_SPREAD:
         return None
     turn -= np.rint(turn[0])
     centres = np.minimum(np.arange(len(turn)) * PHASE_GROUP + PHASE_GROUP / 2, len(phase))

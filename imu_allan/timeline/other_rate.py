@@ -10,12 +10,9 @@ from math import pi, sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.timeline.options import RATE_TOLERANCE
-from imu_allan.timeline.pace import FIRM_PHASE, group_phases, Pace
+from imu_allan.timeline.pace import COUNTING_SPREAD, group_phases, Pace, PHASE_GROUP
 from imu_allan.timeline.stamps import SECOND, Stamps
 import numpy as np
-
-_BLOCK = 64
-"""Messages from which one rate is measured."""
 
 
 def is_doubtful(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
@@ -27,8 +24,8 @@ def is_doubtful(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool
     if _disagree(passed, counted, n, pace) or counted - unbroken > 0.25 * n:
         return True
     # Half the rate for some of the messages looks like every second one lost.
-    blocks = steps[1:][:(n - 1) // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
-    return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= _BLOCK // 2))
+    blocks = steps[1:][:(n - 1) // PHASE_GROUP * PHASE_GROUP].reshape(-1, PHASE_GROUP)
+    return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= PHASE_GROUP // 2))
 
 
 def uneven_rates(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> list[float]:
@@ -90,7 +87,7 @@ def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int,
     """Return the first message of each segment at one rate, and whether at another one."""
     # A segment lasts at least two blocks. A block has 64 messages, 256 where messages are counted,
     # and more if they come in long batches.
-    block = _BLOCK
+    block = PHASE_GROUP
     if pace.counting:
         # A block of 16 batches: one more or less changes the rate by 6 %.
         block = max(4 * block, round(16 * sqrt(12) * pace.spread))
@@ -128,8 +125,8 @@ def _on_rate(places: Array, counting: bool) -> bool:
             return True
     # If samples are dropped regularly, messages n apart never span n intervals.
     one = np.rint(np.diff(places)) == 1
-    _, length = group_phases(places)
-    return len(places) < 2 or bool(np.mean(one) > 0.3 and np.mean(length) > FIRM_PHASE
+    _, spread = group_phases(places)
+    return len(places) < 2 or bool(np.mean(one) > 0.3 and spread < COUNTING_SPREAD
                                    and places[-1] - places[0] > 0.9 * (len(places) - 1))
 
 

@@ -14,24 +14,20 @@ another clock, losses that come too regularly are not taken for losses.
 """
 
 from dataclasses import dataclass, replace
-from math import exp, log, pi, sqrt
+from math import log, pi, sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.timeline.stamps import Stamps
+from imu_allan.timeline.stamps import off_a_line, Stamps
 import numpy as np
 
 PHASE_GROUP = 64
-"""Messages whose phases are averaged: many compared with a burst, few compared with drift."""
+"""Messages that give one phase, or one rate: many for a burst, few for a drift."""
 COUNTING_SPREAD = 0.27
 """Spread of the phase, in intervals, beyond which a lost sample (one interval) looks like
 jitter."""
-FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
-"""The corresponding mean resultant length."""
 
 _FEW_LOSSES = 8
 """Fewer losses change the rate by no more than its error."""
-_STRAIGHT = 0.75
-"""Distance from a line, in intervals, within which ticks or regular drops keep their stamps."""
 _GROUP = 16
 """Messages per median: with 8, ticks as long as the interval pass for losses (there is a test)."""
 _GROUPS = 8
@@ -39,8 +35,6 @@ _GROUPS = 8
 _LEAP = 16
 """Jumps by this many samples are outages. With 8, sums of random losses pass for outages; 32 works
 as well."""
-_HIDDEN_LAGS = np.array([32, 64, 96, 128])
-"""Lags in messages: longer than a batch, and short enough to fit often into a window."""
 _MOST_HIDDEN = 0.9
 """Largest share reported as hidden: if more than nine in ten are lost, a bound says nothing."""
 
@@ -165,7 +159,6 @@ def _is_beat(time: Array, grid: Pace) -> bool:
     # Clocks that are read when the timer fires show that time, although no sample is lost. The
     # places per message then vary by at most one, as 16 random losses do once in 100,000 times.
     # Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
-    n = len(time)
     steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
     if grid.spread > 0.05 or steps.min() < 0:
         return False
@@ -173,10 +166,8 @@ def _is_beat(time: Array, grid: Pace) -> bool:
     long = np.flatnonzero(steps > np.floor(steps.mean()))
     if len(long) < 2 * _FEW_LOSSES:
         return False
-    place, number = np.concatenate([[0], np.cumsum(steps)]), np.arange(n) - (n - 1) / 2
-    residual = place - place.mean() - (number @ place) / (number @ number) * number
     # The places stay within one of a straight line, with a small allowance for lateness.
-    if np.ptp(residual) > 1.2:
+    if np.ptp(off_a_line(np.concatenate([[0], np.cumsum(steps)]))) > 1.2:
         return False
     apart = np.diff(long)
     # With fewer irregularities, from other losses or lateness, messages are dropped in turn.
@@ -203,7 +194,7 @@ def _in_batches(time: Array, begins: Bools) -> Pace | None:
     leaps = lasts / interval - size
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
     # Starts of batches have no sawtooth, so shorter lags are enough, with a smaller error.
-    hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2, 2.0)
+    hidden = _hidden(np.repeat(wander, sizes[1:]), 16, 2.0)
     # Less than one in 200 affects no result.
     if hidden > 0.005:
         # After losses, the sizes of equal batches are binomial, which shows the share better.
@@ -236,8 +227,9 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
              _lost_by(other, np.diff(time), steps, grid.interval_ns))
     if truly is not None:
         return grid if truly > 0.5 else line
-    if worst > _STRAIGHT or grid.spread > 0.05:
-        # Ticks are exact, and no delays are added to them.
+    if worst > 0.75 or grid.spread > 0.05:
+        # Ticks and regular drops keep their stamps near a line. Ticks are exact, and no delays are
+        # added to them.
         return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
@@ -265,7 +257,7 @@ def _lost_by(other: Stamps, own: Array, steps: Array, interval: float) -> float 
     if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
-    if (float(one.std()) > _STRAIGHT * interval
+    if (float(one.std()) > 0.75 * interval
             or abs(float(one.mean()) / interval - few) > 0.5 * few):
         # Nor does one that is read in batches or whole seconds: the time of a batch shows little
         # of the time of its samples.
@@ -318,24 +310,17 @@ def _refine(time: Array, interval: float) -> Pace:
     """Adjust the interval until the phase is constant, and measure the spread about it."""
     for _ in range(4):
         phase = time / interval - np.arange(len(time))
-        turn, length = group_phases(phase)
+        turn, spread = group_phases(phase)
         if len(turn) > 1:
             lasts = median_interval(time, PHASE_GROUP) * PHASE_GROUP
             interval *= 1 + float(np.median(np.diff(turn))) * interval / lasts
-    return Pace(interval, _spread(length))
+    return Pace(interval, spread)
 
 
 def spread_about(stamps: Stamps, interval_ns: float) -> float:
     """Return the standard deviation of increasing stamps about a grid, in intervals."""
     time = (stamps - stamps[0]).astype(np.float64)
-    _, length = group_phases(time / interval_ns - np.arange(len(time)))
-    return _spread(length)
-
-
-def _spread(length: Array) -> float:
-    """Return the standard deviation of phases, from the resultant lengths of their groups."""
-    mean_length = float(np.mean(length))
-    return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
+    return group_phases(time / interval_ns - np.arange(len(time)))[1]
 
 
 def _on_a_line(time: Array) -> tuple[Pace, float]:
@@ -357,12 +342,14 @@ def _on_a_line(time: Array) -> tuple[Pace, float]:
     leaps = np.diff(counted - place, prepend=0.0)
     # The fit absorbs some of the random walk. In 60 windows each of 2048 and 4096 messages with 2,
     # 10 and 40 % lost, the bound held for all but 0 to 5 %.
-    hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), _HIDDEN_LAGS, 5.0)
+    hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)), 32, 5.0)
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
-def _hidden(residual: Array, lags: Ints, errors: float) -> float:
-    """Bound the share of the samples that may be lost unseen."""
+def _hidden(residual: Array, apart: int, errors: float) -> float:
+    """Bound the share of the samples that may be lost unseen; lags are multiples of `apart`."""
+    # Lags are longer than a batch, and short enough to fit often into a window.
+    lags = apart * np.arange(1, 5)
     # Random losses turn the phase into a random walk, whose variance grows by their share with
     # every message; jitter, ticks and batches do not. `errors` is the number of standard
     # deviations to add, those of a variance from the few segments that fit into a window.
@@ -451,14 +438,15 @@ def median_interval(time: Array, apart: int) -> float:
     return float(np.median(time[apart:] - time[:-apart])) / apart
 
 
-def group_phases(phase: Array) -> tuple[Array, Array]:
-    """Return the mean phase of every 64 messages, in places, and its resultant length."""
-    # Neighbouring phases differ by less than half a place. The length is 1 without jitter, 0 for
-    # an arbitrary phase.
+def group_phases(phase: Array) -> tuple[Array, float]:
+    """Return the mean phase of every 64 messages, and the spread about it, in places."""
+    # Neighbouring phases differ by less than half a place.
     circle = np.exp(2j * pi * phase)
     starts = np.arange(0, max(len(phase) - PHASE_GROUP // 2, 1), PHASE_GROUP)
     sums = np.add.reduceat(circle, starts)
     counts = np.diff(np.append(starts, len(phase)))
     mean = sums / counts
     turn = np.unwrap(np.angle(mean)) / (2 * pi)
-    return turn, np.abs(mean)
+    # The resultant length is 1 without jitter, 0 for an arbitrary phase.
+    length = min(max(float(np.mean(np.abs(mean))), 1e-9), 1.0)
+    return turn, sqrt(max(-2 * log(length), 0.0)) / (2 * pi)

@@ -29,8 +29,6 @@ import numpy as np
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: a longer step is a stamp fault, whatever the other clock
 shows."""
-_LATELY = 128
-"""Latest messages, from which lateness and jitter are measured: some seconds at common rates."""
 _FOLLOWED = 0.01
 """A larger change of the interval within a window is another rate, not drift."""
 
@@ -233,7 +231,8 @@ class Placing(Record):
                                  new_run)
             counts.interpolated += sum(len(block.interpolated) for block in blocks)
         counts.missing += places - c - empty
-        lately = slice(max(c - _LATELY, 0), c)
+        # Lateness and jitter are measured from some seconds of messages at common rates.
+        lately = slice(max(c - 128, 0), c)
         place = np.cumsum(known[lately])
         late = (elapsed[lately] - elapsed[-1]) / interval - (place - place[-1])
         passed_ns = int(elapsed[-1]) - cursor.elapsed_ns
@@ -266,7 +265,7 @@ class Placing(Record):
                 some = some[int(gone[-1]) + 1:]
             counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
             counts.gravity_samples += len(some)
-        if paced_steps > _LATELY and not self._decision.counted_only:
+        if paced_steps > 128 and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < _FOLLOWED:
                 # Only part of the change is followed: an oscillator drifts slowly, jitter does

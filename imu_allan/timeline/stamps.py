@@ -10,7 +10,7 @@ the receive stamp is when the recorder or the subscription got the message.
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 
-from imu_allan.arrays import Bools, Ints
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.finding import Flaw
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,13 @@ def count_in_runs(same: Bools, before: int) -> tuple[Ints, Ints]:
     begins = np.append(-1 - before, np.flatnonzero(~same))
     lengths = np.cumsum(np.bincount(run, minlength=len(begins))) - 1 - begins
     return np.arange(len(same)) - begins[run], lengths[run]
+
+
+def off_a_line(places: Ints) -> Array:
+    """Return how far places lie off the straight line that fits them best."""
+    number = np.arange(len(places)) - (len(places) - 1) / 2
+    off: Array = places - places.mean() - (number @ places) / (number @ number) * number
+    return off
 
 
 def overlaps(stamps: Stamps) -> bool:
