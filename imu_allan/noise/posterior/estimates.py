@@ -9,23 +9,28 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array, Bools
 from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED, WIDEST
 from imu_allan.noise.posterior.likelihood import (
-    ALWAYS,
+    ALPHA,
+    B,
     fitted_mean,
-    FREE,
+    GENTLE_FAMILY,
     HIGH,
-    KEYS,
+    K,
+    LAW,
     LOW,
+    N,
+    OUTPUT,
     PLAIN,
+    PROCESS,
+    Q,
     SLOWER,
+    SMOOTH,
     spectrum,
+    TIME,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.search import B, K, OUTPUT, Q
 from imu_allan.noise.posterior.shapes import (
     cubic,
-    GENTLE,
-    LOW_PASSES,
-    SMOOTH_DRIFT,
+    FREE_SHAPES,
     TERM_SHAPES,
     WHITE,
 )
@@ -105,10 +110,10 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     size = _free_amplitudes(posterior, x, has)
     amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
     # Output noise, added after a filter, is part of the level in its pass band.
-    amplitude[:, ALWAYS] = np.hypot(amplitude[:, ALWAYS],
+    amplitude[:, N] = np.hypot(amplitude[:, N],
                                     np.where(there[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
-    low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
-    amplitude[:, ALWAYS] *= posterior.change.factors(len(x))
+    low, high = quantiles(amplitude[:, N], weight, (_ENDS[0], _ENDS[-1]))
+    amplitude[:, N] *= posterior.change.factors(len(x))
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
     found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight,
                                   REPORTED if k == Q else OBSERVABLE, float(unit[k]))
@@ -116,10 +121,10 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     # Without its change over the record, which widens the interval but hides nothing.
     if low <= 0 or high / low > WIDEST:
         found[WHITE] = replace(found[WHITE], observable=False)
-    law, process, alpha = has[:, PLAIN], has[:, PLAIN + 2], x[:, PLAIN + 1]
+    law, process, alpha = has[:, LAW], has[:, PROCESS], x[:, ALPHA]
     for key, values, own in (
             ('sigma', size[:, 1], process),
-            ('correlation_time', np.exp(x[:, PLAIN + 3]) * dt, process),
+            ('correlation_time', np.exp(x[:, TIME]) * dt, process),
             ('exponent', alpha, law),
             ('amplitude', size[:, 0] * dt**((1 - alpha) / 2), law),
             ('corner', np.exp(x[:, HIGH]) / dt, has[:, HIGH])):
@@ -134,7 +139,7 @@ def weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
 
 def bends(model: Drawn) -> bool:
     """Return whether a model has a detectable low-pass, or leaves the top unexplained."""
-    gentle = LOW_PASSES[int(model.row.family[0])].key == GENTLE \
+    gentle = model.row.family[0] == GENTLE_FAMILY \
         and model.row.x[0, LOW] > model.spectra.gentle[model.row.of[0]] - 0.7
     return bool(model.row.edge[0] < model.spectra.dof.shape[1]
                 or (model.row.has[0, LOW] and not gentle))
@@ -142,7 +147,7 @@ def bends(model: Drawn) -> bool:
 
 def drifts(model: Drawn) -> bool:
     """Return whether a model has anything slower than flicker."""
-    return bool(model.row.has[0, [*SLOWER, PLAIN]].any() or model.trends)
+    return bool(model.row.has[0, [*SLOWER, LAW]].any() or model.trends)
 
 
 def _amplitudes(posterior: Posterior, x: Array, has: Bools, size: Array) -> tuple[Array, Bools]:
@@ -156,7 +161,7 @@ def _amplitudes(posterior: Posterior, x: Array, has: Bools, size: Array) -> tupl
     unit = spectra.unit[of]
     amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * unit
     there = has[:, :PLAIN].copy()
-    law = has[:, PLAIN]
+    law = has[:, LAW]
     if law.any():
         # Convert to flicker of equal power at the frequency that halves the information about it.
         beside, x_beside = best.row.has.copy(), best.row.x.copy()
@@ -168,7 +173,7 @@ def _amplitudes(posterior: Posterior, x: Array, has: Bools, size: Array) -> tupl
         known = np.cumsum(spectra.dof[of] * seen**2)
         pivot = int(np.searchsorted(known, known[-1] / 2))
         table = spectra.tables.terms[0]
-        place = table.place(np.zeros(int(law.sum()), np.int64), x[law, PLAIN + 1])
+        place = table.place(np.zeros(int(law.sum()), np.int64), x[law, ALPHA])
         value = cubic(table.rows[:, [pivot]], *place)[0][:, 0]
         flicker = np.log(spectra.columns[of, B, pivot]) - 2 * np.log(unit[B])
         amplitude[law, B] = size[law] * np.exp(
@@ -181,7 +186,7 @@ def _free_amplitudes(posterior: Posterior, x: Array, has: Bools) -> Array:
     """Return the amplitudes of the free terms in each draw, zero where absent."""
     best = posterior.models[0]
     spectra, of = best.spectra, int(best.row.of[0])
-    size = np.zeros((len(x), FREE))
+    size = np.zeros((len(x), len(FREE_SHAPES)))
     for k, table in enumerate(spectra.tables.terms):
         slot = PLAIN + 2 * k
         own = has[:, slot]
@@ -311,7 +316,7 @@ def fitted_trend(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform
     None if the model contains no trend but the ramp.
     """
     best = posterior.models[0]
-    if best.row.has[0, KEYS.index(SMOOTH_DRIFT)]:
+    if best.row.has[0, SMOOTH]:
         # Smooth drift may be a listed trend that leaks into blocks, so prefer a model with trends.
         best = next((model for model in posterior.models if model.trends), best)
     if not best.trends:
@@ -327,7 +332,7 @@ def fitted_trend(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform
 def expected(model: Drawn) -> tuple[Array, Array]:
     """Return the expected power of a model by group, and the power of its white noise."""
     lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
-    return lam[0], slopes[np.isin(used, (ALWAYS, OUTPUT)), 0].sum(axis=0) / 2
+    return lam[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
 
 
 def _filtered(posterior: Posterior) -> Drawn | None:
@@ -342,7 +347,7 @@ def passed_by(posterior: Posterior) -> tuple[Array, Array] | None:
     if model is None:
         return None
     row, spectra, of = model.row, model.spectra, int(model.row.of[0])
-    white = [slot for slot in (ALWAYS, OUTPUT) if row.has[0, slot]]
+    white = [slot for slot in (N, OUTPUT) if row.has[0, slot]]
     whole = np.exp(2 * row.x[0, white]) @ spectra.columns[of, white]
     _, behind = expected(model)
     # No model describes the top above an edge, so it is as measured.

@@ -15,11 +15,11 @@ from dataclasses import replace
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.judgments import LEAST_KNOWN
 from imu_allan.noise.posterior.likelihood import (
-    ALWAYS,
     AMPLITUDES,
     batches,
     losses,
     LOW,
+    N,
     NUISANCES,
     out_of_range,
     Rows,
@@ -166,7 +166,7 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> Bools:
         table = spectra.tables.low_pass
         passed, _ = cubic(table.rows, *table.place(own.family, own.x[:, LOW]))
         # Groups of which more than half of the power passes lie in the pass band.
-        share = slopes[np.searchsorted(used, ALWAYS)] / 2 / lam * (passed > np.log(0.5))
+        share = slopes[np.searchsorted(used, N)] / 2 / lam * (passed > np.log(0.5))
         inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
         seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
         found[filtered[part]] = seen > LEAST_KNOWN

@@ -31,37 +31,30 @@ from imu_allan.noise.posterior.judgments import (
 from imu_allan.noise.posterior.regression import mean, regressors, residual_power
 from imu_allan.noise.posterior.shapes import (
     cubic,
-    FLICKER,
     FREE_SHAPES,
-    GENTLE,
     HIGH_PASSES,
     LOW_PASSES,
-    SMOOTH_DRIFT,
     Table,
     Tables,
     TERM_SHAPES,
-    WALK,
-    WHITE,
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 from scipy.special import digamma
 
 PLAIN = len(TERM_SHAPES)
-FREE = len(FREE_SHAPES)
-# After the amplitudes of the terms, and the amplitude and nuisance of each free term.
-LOW, HIGH = PLAIN + 2 * FREE, PLAIN + 2 * FREE + 1
+# White noise is in every model, even if it is too weak to be detected.
+Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
+LAW, ALPHA, PROCESS, TIME, LOW, HIGH = range(PLAIN, PLAIN + 6)
 SLOTS = HIGH + 1
-"""Parameters of a row: amplitudes of the terms, free terms, low-pass and high-pass corners."""
-AMPLITUDES = np.array([*range(PLAIN), *(PLAIN + 2 * k for k in range(FREE))])
-NUISANCES = np.array([*(PLAIN + 2 * k + 1 for k in range(FREE)), LOW, HIGH])
+"""Parameters of a row: amplitudes of the terms, amplitude and nuisance of each free term, corners
+of the low-pass and of the high-pass."""
+AMPLITUDES = np.array([*range(PLAIN), LAW, PROCESS])
+NUISANCES = np.array([ALPHA, TIME, LOW, HIGH])
 AT_OUTPUT = np.array([shape.at_output for shape in TERM_SHAPES])
-KEYS = [shape.key for shape in TERM_SHAPES]
-ALWAYS = KEYS.index(WHITE)
-"""Slot of the white noise, which is in every model, even if it is too weak to be detected."""
-SLOWER = np.array([KEYS.index(WALK), KEYS.index(SMOOTH_DRIFT), PLAIN + 2])
+SLOWER = np.array([K, SMOOTH, PROCESS])
 """Slots of noise slower than flicker: random walk, smooth drift, Gauss-Markov process."""
-GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
+GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index('exponential_average')
 _WALL = 0.05
 """Standard deviation of the penalty on a nuisance beyond an end of its range."""
 _COSTLY = np.array([*np.flatnonzero(AT_OUTPUT), *NUISANCES])
@@ -375,13 +368,13 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     value = -np.log1p(fall).sum(axis=1)
     slope[:, AMPLITUDES] = 2 * fall / (1 + fall)
     bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2
-    exponent = rows.has[:, PLAIN + 1]
+    exponent = rows.has[:, ALPHA]
     if exponent.any():
         # Normal about the exponent of flicker.
-        off = exponent * (x[:, PLAIN + 1] - 1) / EXPONENT_SPREAD
+        off = exponent * (x[:, ALPHA] - 1) / EXPONENT_SPREAD
         value -= 0.5 * off**2 + exponent * np.log(EXPONENT_SPREAD * np.sqrt(2 * np.pi))
-        slope[:, PLAIN + 1] = -off / EXPONENT_SPREAD
-        bend[:, PLAIN + 1] = 1 / EXPONENT_SPREAD**2
+        slope[:, ALPHA] = -off / EXPONENT_SPREAD
+        bend[:, ALPHA] = 1 / EXPONENT_SPREAD**2
     gentle = rows.has[:, LOW] & (rows.family == GENTLE_FAMILY)
     if gentle.any():
         # A roll-off too gentle to be detected counts like an amplitude below the detection limit.
@@ -413,7 +406,7 @@ def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     has, groups = rows.has, len(spectra.frequency)
     total = has[:, :PLAIN] @ np.log([shape.prior for shape in TERM_SHAPES])
     # Neither flicker nor slow noise with another exponent.
-    alone = ~has[:, [KEYS.index(FLICKER), PLAIN]].any(axis=1)
+    alone = ~has[:, [B, LAW]].any(axis=1)
     total += np.log(WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
     first, last = spectra.tables.ranges(rows.family)
     width = last - first

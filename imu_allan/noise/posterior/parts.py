@@ -13,10 +13,9 @@ from dataclasses import replace
 
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.judgments import UNEVEN
-from imu_allan.noise.posterior.likelihood import PLAIN, spectrum
+from imu_allan.noise.posterior.likelihood import B, K, LAW, N, PLAIN, spectrum
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.posterior.prepared import prepared
-from imu_allan.noise.posterior.search import B, K, N
 from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 
@@ -67,7 +66,7 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     x[:, K] = np.maximum(x[:, K], 0.0)
     x[flicker, B] = np.maximum(x[flicker, B], 1.0)
     has[flicker, K] = False
-    has[flicker, B] |= not model.row.has[0, PLAIN]
+    has[flicker, B] |= not model.row.has[0, LAW]
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
     rows = replace(rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))
     # Parts may differ in their white noise, which says nothing of the random walk.

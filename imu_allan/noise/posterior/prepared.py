@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
-    ALWAYS,
+    ALPHA,
     AMPLITUDES,
     AT_OUTPUT,
-    KEYS,
+    N,
     PLAIN,
     SLOTS,
     Spectra,
@@ -29,7 +29,8 @@ from imu_allan.noise.posterior.shapes import (
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 
-_COLUMNS = [KEYS.index(shape.like or shape.key) for shape in TERM_SHAPES]
+_KEYS = [shape.key for shape in TERM_SHAPES]
+_COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERM_SHAPES]
 """Column of the design for each term: its own, or that of the term in `like`."""
 
 
@@ -76,7 +77,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         expected = np.maximum(np.minimum(one.design @ first.theta, one.design @ slower[-1]),
                               1e-300)
         about = about_mean(one)(expected)
-        white = one.design[:, ALWAYS]
+        white = one.design[:, N]
         # Lower power is only rounding error, or underflows when squared.
         rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
         power.append(np.maximum(about.blocks, rounding))
@@ -87,8 +88,8 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
                       for shape, own in zip(TERM_SHAPES, _COLUMNS, strict=True)])
     design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
-    passed = _passed(groups[0].frequency * dt, design[:, ALWAYS], whole, np.stack(power), level,
-                     np.array([theta[ALWAYS] for theta in slower]))
+    passed = _passed(groups[0].frequency * dt, design[:, N], whole, np.stack(power), level,
+                     np.array([theta[N] for theta in slower]))
     # Groups with less than half of the power in the pass band count as filtered.
     stopped = passed < 0.5
     uncertainty = np.where(stopped, LEAK_KNOWN / passed, 0.0)
@@ -99,14 +100,14 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(nu, groups[0].step, groups[0].length, groups[0].interpolated)
     like = np.stack([np.log(np.maximum(
-        design[:, KEYS.index(shape.like)]
-        / (TERM_SHAPES[KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
+        design[:, _KEYS.index(shape.like)]
+        / (TERM_SHAPES[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
         for shape in FREE_SHAPES], axis=1)
     sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
     free = tuple(_in_units(own, like[:, k], sizes[k]) for k, own in enumerate(table.terms))
     spectra = Spectra(
         groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
-        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, ALWAYS], information, whole),
+        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, N], information, whole),
         regressors(groups), groups[0].records, table,
         unexplained_losses(groups[0].frequency, dof, np.stack(power)))
     return spectra, [_start(*each) for each in zip(groups, unit, level, slower, strict=True)]
@@ -123,7 +124,7 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
 
     A few coefficients may be small by chance, so the fitted terms count as four more.
     """
-    white = groups.design[:, ALWAYS]
+    white = groups.design[:, N]
     octave = np.log2(groups.frequency)
     low = np.searchsorted(octave, octave - 0.5)
     high = np.searchsorted(octave, octave + 0.5, 'right')
@@ -184,10 +185,10 @@ def _of_slower_half(groups: Groups) -> Array:
 def _start(groups: Groups, unit: Array, level: Array, slower: Array) -> Start:
     """Start from the fit of the terms to the slower half of the groups."""
     x = np.zeros(SLOTS)
-    white = level / groups.design[:, ALWAYS]
+    white = level / groups.design[:, N]
     theta = slower[_COLUMNS]
-    theta[ALWAYS] = max(theta[ALWAYS], float(np.quantile(white, 0.05)))
+    theta[N] = max(theta[N], float(np.quantile(white, 0.05)))
     # Start no term below its detection limit.
     x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
-    x[PLAIN + 1] = 1.0
+    x[ALPHA] = 1.0
     return Start(x, white)

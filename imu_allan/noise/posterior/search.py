@@ -13,26 +13,31 @@ from typing import NamedTuple
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
 from imu_allan.noise.posterior.likelihood import (
+    ALPHA,
+    B,
     GENTLE_FAMILY,
     half_octaves,
     HIGH,
+    K,
+    LAW,
     LOW,
-    PLAIN,
+    N,
+    OUTPUT,
+    PROCESS,
+    Q,
     Rows,
     SLOTS,
+    SMOOTH,
     Spectra,
     structure_prior,
+    TIME,
 )
 from imu_allan.noise.posterior.prepared import Start
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, LOW_PASSES
 import numpy as np
 
-Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
-LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
 KEPT = 7.0
 """Nats below the best at which a model is dropped: e^-7 is negligible."""
-MOST = 16
-"""Most models per axis."""
 FAST = (Q, OUTPUT, LOW)
 """Slots of the shapes that change the fast end of the spectrum."""
 
@@ -75,7 +80,7 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     Returns
     -------
     Rows
-        At most `MOST` per axis, the best first.
+        At most 16 per axis, the best first.
 
     """
     fast = Rows.joined([rows_of(spectra, axis, _fast_ends(spectra, axis, start, dt))
@@ -103,7 +108,7 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     if crossed:
         more = maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)
         found = Rows.joined([found, more])
-    return best_of(spectra, found, KEPT, MOST)
+    return best_of(spectra, found, KEPT, 16)
 
 
 def of_axis(rows: Rows, axis: int) -> Rows:

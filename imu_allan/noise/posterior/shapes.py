@@ -24,9 +24,6 @@ LOWEST_CORNER = 1e-3
 """Lowest corner of a low-pass in cycles per sample: below, slow drift looks like a pass band."""
 FEWEST_GROUPS = 24
 """Fewest bands that a model must describe: three octaves are enough to separate the terms."""
-# Nodes and weights of Gauss-Legendre quadrature over a band.
-_POINTS = np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6)
-_GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # weights
 _EVERY = (np.arange(128) + 0.5) / 256
 """Frequencies between zero and half the sample rate, to average a spectrum over."""
 
@@ -102,8 +99,6 @@ def _high_pass(nu: Array, corner: float) -> Array:
 
 
 WHITE, FLICKER, WALK = 'noise_density', 'bias_instability', 'rate_random_walk'
-SMOOTH_DRIFT = 'smooth_drift'
-GENTLE = 'exponential_average'
 
 TERM_SHAPES = (
     Shape('quantization_noise', 0.3, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
@@ -112,7 +107,7 @@ TERM_SHAPES = (
     Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
     Shape('output_noise', 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True,
           like=WHITE),
-    Shape(SMOOTH_DRIFT, 0.03, lambda nu, _: spectrum.random_walk(nu, 1.0)**2, like=WALK),
+    Shape('smooth_drift', 0.03, lambda nu, _: spectrum.random_walk(nu, 1.0)**2, like=WALK),
 )
 """
 Terms without a nuisance. Every model contains white noise; output noise needs a filter before it.
@@ -133,7 +128,8 @@ FREE_SHAPES = (
 """Terms with a nuisance: slow noise of any exponent, and a Gauss-Markov process."""
 
 LOW_PASSES = (
-    Shape(GENTLE, 3.0, lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
+    Shape('exponential_average', 3.0,
+          lambda nu, corner: 1 / (1 + (np.sin(np.pi * nu) / np.exp(corner)) ** 2),
           _of_corner(60.0)),
     # The notches need a finer grid than the other filters.
     Shape('moving_average', 0.05, _moving_average(1), _of_corner(0.9, 0.04)),
@@ -288,11 +284,13 @@ def taken_by_mean(nu: Array) -> Array:
 
 def _folded(nu: float, means: float) -> tuple[Array, Array]:
     """Return the frequencies whose power folds into a band of block means, and their weights."""
+    # Nodes and weights of Gauss-Legendre quadrature.
+    nodes, weights = np.sqrt(0.6) * np.arange(-1.0, 2.0), np.array([5.0, 8.0, 5.0]) / 18
     # A band is an eighth of an octave wide, unless it is cut at half the sample rate.
-    inside = np.minimum(nu * 2.0**(_POINTS * min(1 / 16, float(np.log2(0.5 / nu)))), 0.4999)
+    inside = np.minimum(nu * 2.0**(nodes * min(1 / 16, float(np.log2(0.5 / nu)))), 0.4999)
     # Below a fiftieth of the rate of the means, aliasing is negligible.
     if nu * means < 0.02:
-        return inside, _GAUSS
+        return inside, weights
     # Aliases beyond the fourth hold 2 % of the power.
     fold = np.arange(-min(4, (means - 1) // 2), min(4, means // 2) + 1)
     places = inside[:, None] + fold / means
@@ -300,7 +298,7 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
     # Aliases of higher order are assumed to be as strong as the last one.
     share[:, -1] += np.maximum(1 - share.sum(axis=1), 0.0)
     return (np.minimum(np.minimum(abs(places), 1 - places), 0.4999).ravel(),
-            (_GAUSS[:, None] * share).ravel())
+            (weights[:, None] * share).ravel())
 
 
 def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None

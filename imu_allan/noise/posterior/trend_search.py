@@ -11,29 +11,24 @@ for one column, and (prior/g) e^(g/2) for two.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import (
+    B,
     batches,
     fitted_mean,
+    K,
+    N,
+    PROCESS,
     Rows,
     Spectra,
     spectrum,
-)
-from imu_allan.noise.posterior.prepared import Start
-from imu_allan.noise.posterior.search import (
-    B,
-    FAST,
-    K,
-    Model,
-    N as WHITE,
-    of_axis,
-    PROCESS,
-    rows_of,
     TIME,
 )
+from imu_allan.noise.posterior.prepared import Start
+from imu_allan.noise.posterior.search import FAST, Model, of_axis, rows_of
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
@@ -80,17 +75,14 @@ class TrendKind:
         """Return the derivatives of the columns by the log nuisance, if they are smooth in it."""
         if not self.smooth:
             return ()
-        return tuple(partial(_difference, *pair) for pair in zip(*(
-            self.columns(value * (1 + sign * _SLOPE), duration_s) for sign in (1, -1)),
-            strict=True))
+        # Relative step of the numerical derivative
+        step = 0.01
 
+        def slope(more: Waveform, less: Waveform) -> Waveform:
+            return lambda time: np.asarray((more(time) - less(time)) / (2 * step))
 
-_SLOPE = 0.01
-"""Relative step of the nuisance for numerical derivatives."""
-
-
-def _difference(more: Waveform, less: Waveform, time: Array) -> Array:
-    return np.asarray((more(time) - less(time)) / (2 * _SLOPE))
+        return tuple(map(slope, *(self.columns(value * (1 + change), duration_s)
+                                  for change in (step, -step))))
 
 
 TRENDS = (
@@ -586,7 +578,7 @@ def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     """
     has, x, edge, family = best.has[0], best.x[0], int(best.edge[0]), int(best.family[0])
     bent = tuple(slot for slot in FAST if has[slot])
-    slow = tuple(slot for slot in np.flatnonzero(has).tolist() if slot not in (WHITE, K, *FAST))
+    slow = tuple(slot for slot in np.flatnonzero(has).tolist() if slot not in (N, K, *FAST))
     ends: list[tuple[tuple[int, ...], Array, int]] = [(bent, x, edge)]
     if bent or edge < len(spectra.frequency):
         ends.append(((), start.x, len(spectra.frequency)))
@@ -594,7 +586,7 @@ def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     for fast, x, edge in ends:
         for more in ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow):
             for random_walk in ((), (K,)):
-                slots = tuple(sorted({WHITE, *more, *random_walk, *fast}))
+                slots = tuple(sorted({N, *more, *random_walk, *fast}))
                 if slots in seen:
                     continue
                 seen.add(slots)

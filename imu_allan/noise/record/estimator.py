@@ -20,9 +20,6 @@ from imu_allan.state import restored, State, state_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-CHUNK = SHORTEST_SEGMENT
-"""Samples that are processed at once, whole blocks of the spectrum: 0.8 MB for six axes."""
-
 
 @dataclass(eq=False, repr=False)
 class Estimator(MultiAxis):
@@ -143,13 +140,13 @@ class Estimator(MultiAxis):
             self.reference = block[0].copy()
         # The chunk is the part in use of an array with room for more, unless it is a copy.
         room = self.chunk.base
-        if not isinstance(room, np.ndarray) or room.shape != (self.axes, CHUNK):
-            room = np.empty((self.axes, CHUNK))
+        if not isinstance(room, np.ndarray) or room.shape != (self.axes, SHORTEST_SEGMENT):
+            room = np.empty((self.axes, SHORTEST_SEGMENT))
             room[:, :self.chunk.shape[1]] = self.chunk
         start = 0
         while start < len(block):
             held = self.chunk.shape[1]
-            take = min(CHUNK - held, len(block) - start)
+            take = min(SHORTEST_SEGMENT - held, len(block) - start)
             self.chunk = room[:, :held + take]
             np.subtract(block[start:start + take].T, self.reference[:, None],
                         out=self.chunk[:, held:])
@@ -157,7 +154,7 @@ class Estimator(MultiAxis):
                 low, high = (bisect_left(places, end) for end in (start, start + take))
                 self.interpolated_rows += [held + row - start for row in places[low:high]]
             start += take
-            if held + take == CHUNK:
+            if held + take == SHORTEST_SEGMENT:
                 self._absorb()
         self.samples += len(block)
         self.interpolated += len(places)

@@ -40,9 +40,6 @@ SERIES = 8192
 """Most cells in the whole-record series."""
 SHORTEST = 16
 """Points of the shortest block: the end of a segment is split into blocks of powers of two."""
-
-_MAX_STAGES = 4
-"""The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long."""
 HIGHEST_OF_MEANS = 0.25
 """Highest frequency used of means, relative to their rate: aliasing grows towards half of it."""
 
@@ -195,7 +192,8 @@ class Periodogram(MultiAxis):
         self.series = joined(self.series, coarser(cells, octaves) if octaves >= 0 else
                              cells_of(rows, run, first, self.cell))
         self._bound_series()
-        for number in range(1, _MAX_STAGES):
+        # The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long.
+        for number in range(1, 4):
             if number == len(self.stages):
                 # The stage is needed once the series is coarser than its points.
                 if self.samples < SERIES // 2:

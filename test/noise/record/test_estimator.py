@@ -10,10 +10,10 @@ from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import octaves
 from imu_allan.noise.posterior.maximum import maximise
-from imu_allan.noise.record.estimator import CHUNK, Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.part_of_record import Part
 from imu_allan.noise.record.periodogram import SERIES, SHORTEST
-from imu_allan.noise.record.segments import BLOCK
+from imu_allan.noise.record.segments import BLOCK, SHORTEST_SEGMENT
 from imu_allan.noise.record.signal_over_time import COLUMNS
 from imu_allan.noise.simulate import simulate
 import numpy as np
@@ -116,7 +116,7 @@ def test_merged_records_and_what_follows_stay_apart():
 def test_memory_does_not_grow_with_the_record():
     rng, estimator, sizes = np.random.default_rng(0), Estimator(6), []
     for _ in range(120):
-        estimator.update(rng.standard_normal((CHUNK, 6)))
+        estimator.update(rng.standard_normal((SHORTEST_SEGMENT, 6)))
         sizes.append(sum(array.nbytes for array in estimator.to_state().values()))
     assert max(sizes) < 3_000_000
     assert max(sizes[90:]) <= max(sizes[:90])
@@ -147,7 +147,7 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
 
 def test_interpolated_samples_are_no_values_of_the_sensor_however_they_arrive():
     rng = np.random.default_rng(4)
-    samples = np.round(rng.normal(size=(3 * CHUNK + 77, 2)))
+    samples = np.round(rng.normal(size=(3 * SHORTEST_SEGMENT + 77, 2)))
     rows = np.flatnonzero(rng.random(len(samples)) < 0.2)
     samples[rows] = 0.3
     samples[rows[5]] = 99.0
