@@ -17,9 +17,6 @@ from imu_allan.noise.random_effects import random_effects
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
 
-MOST_POWER_ONS = 1000
-"""Latest power-ons that are kept: three years of a robot that is switched on daily."""
-
 
 @dataclass
 class Mark(Record):

@@ -25,7 +25,7 @@ from imu_allan.characterization.findings import (
     tone_findings,
     with_start,
 )
-from imu_allan.characterization.power_ons import Mark, mark_of, MOST_POWER_ONS, spread_of_means
+from imu_allan.characterization.power_ons import Mark, mark_of, spread_of_means
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
@@ -171,7 +171,8 @@ class Characterization:
         record = self.record()
         if record is not None:
             self._memory.power_ons.append(mark_of(record))
-            del self._memory.power_ons[:-MOST_POWER_ONS]
+            # Keep three years of a robot that is switched on daily.
+            del self._memory.power_ons[:-1000]
         self._absorb(self.timeline.power_on)
 
     def summary(self) -> TimelineSummary:

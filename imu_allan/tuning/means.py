@@ -68,5 +68,5 @@ class Means:
         self._away = not there[-1]
         # Nine hours of seconds, 2 MB for six axes; then means are over two, four, ... seconds.
         while len(self.series) > 32_768:
-            self.series = coarser(self.series, 1)
+            self.series = coarser(self.series, 2)
             self.cell *= 2

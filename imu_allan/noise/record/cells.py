@@ -19,8 +19,6 @@ Keys = Ints
 
 RUN_SHIFT = 40
 """Bits of a place, enough for 30 years at 1 kHz."""
-MOST_RUNS = 1 << (62 - RUN_SHIFT)
-"""Runs that fit into the rest of a signed 64-bit key: one a minute for eight years."""
 _PLACE = (1 << RUN_SHIFT) - 1
 """Mask for the place in a key."""
 
@@ -91,11 +89,11 @@ def joined(before: Cells, after: Cells) -> Cells:
     return Cells(np.concatenate((before.keys, after.keys[both:])), sums, counts)
 
 
-def coarser(cells: Cells, octaves: int) -> Cells:
-    """Merge cells into cells 2**`octaves` times as large."""
-    if not len(cells) or not octaves:
+def coarser(cells: Cells, times: int) -> Cells:
+    """Merge cells into cells `times` as large, a power of two."""
+    if not len(cells) or times == 1:
         return cells
-    keys = (cells.keys & ~_PLACE) + ((cells.keys & _PLACE) >> octaves)
+    keys = (cells.keys & ~_PLACE) + (cells.keys & _PLACE) // times
     first = np.ones(len(keys), np.bool_)
     np.not_equal(keys[1:], keys[:-1], out=first[1:])
     starts = first.nonzero()[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.record.cells import MOST_RUNS
+from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
 from imu_allan.noise.record.multi_axis import AXES, AXES_FIRST, begun, MultiAxis, numbers
@@ -180,8 +180,9 @@ class Estimator(MultiAxis):
         """Begin a new run, with an unknown distance in time from the previous one."""
         self._absorb()
         self.pyramid.start_segment()
-        # The last run that can be numbered goes on.
-        if self.run < MOST_RUNS - 1:
+        # Runs fit into the rest of a signed 64-bit key: one a minute for eight years. The last
+        # that can be numbered goes on.
+        if self.run < (1 << (62 - RUN_SHIFT)) - 1:
             self.run, self.first = self.run + 1, 0
 
     def finished(self) -> 'Estimator':

@@ -29,13 +29,11 @@ from imu_allan.noise.record.cells import (
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
 from imu_allan.noise.record.multi_axis import AXES_FIRST, begun, MultiAxis
-from imu_allan.noise.record.segments import BLOCK, Segments
+from imu_allan.noise.record.segments import BLOCK, MEANS, Segments
 from imu_allan.state import Record
 import numpy as np
 from scipy.fft import dct
 
-STAGE_OCTAVES = 6
-"""The points of a stage are means of 2**6 points of the previous stage."""
 SERIES = 8192
 """Most cells in the whole-record series."""
 SHORTEST = 16
@@ -187,10 +185,10 @@ class Periodogram(MultiAxis):
         """
         self.samples += rows.shape[1]
         self.segments.absorb(rows, self.stages[0].add(rows))
-        cells = cells_of(rows, run, first, 2**STAGE_OCTAVES)
-        octaves = self.cell.bit_length() - 1 - STAGE_OCTAVES
-        self.series = joined(self.series, coarser(cells, octaves) if octaves >= 0 else
-                             cells_of(rows, run, first, self.cell))
+        cells = cells_of(rows, run, first, MEANS)
+        self.series = joined(
+            self.series, coarser(cells, self.cell // MEANS) if self.cell >= MEANS else
+            cells_of(rows, run, first, self.cell))
         self._bound_series()
         # The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long.
         for number in range(1, 4):
@@ -200,21 +198,21 @@ class Periodogram(MultiAxis):
                     break
                 self.stages.append(Stage(self.axes))
             if number > 1:
-                cells = coarser(cells, STAGE_OCTAVES)
-            self.stages[number].take(cells, 2**(STAGE_OCTAVES * number))
+                cells = coarser(cells, MEANS)
+            self.stages[number].take(cells, MEANS**number)
 
     def _bound_series(self) -> None:
         """Enlarge the cells until there are at most `SERIES`."""
         # Cells do not extend over runs, so with thousands of runs, drop the oldest cells instead.
         while len(self.series) > SERIES and self.cell <= 1 << 36:
-            self.series = coarser(self.series, 1)
+            self.series = coarser(self.series, 2)
             self.cell *= 2
         self.series = self.series.take(slice(-SERIES, None))
 
     def finish(self) -> None:
         """Transform the waiting means of all stages, at the end of the record."""
         for number, stage in enumerate(self.stages):
-            stage.take(no_cells(self.axes), 2**(STAGE_OCTAVES * number), last=True)
+            stage.take(no_cells(self.axes), MEANS**number, last=True)
 
     def sections(self) -> list[SpectrumSection]:
         """Return the spectrum from the slowest to the fastest part, without overlap."""
@@ -226,7 +224,7 @@ class Periodogram(MultiAxis):
         # The first 32 coefficients of a block are left to the next stage, of finer resolution.
         lowest = 32 / (2 * BLOCK)
         for i, stage in reversed([*enumerate(self.stages)]):
-            step = 2**(STAGE_OCTAVES * i)
+            step = MEANS**i
             if step >= self.cell:
                 continue
             low = max(border * step, lowest if i + 1 < len(self.stages) else 0)
@@ -252,7 +250,7 @@ class Periodogram(MultiAxis):
         for mine, theirs in zip(self.stages, other.stages, strict=False):
             mine.merge(theirs)
         cell = max(self.cell, other.cell)
-        before, after = (coarser(one.series, (cell // one.cell).bit_length() - 1)
+        before, after = (coarser(one.series, cell // one.cell)
                          for one in (self, other))
         self.series = joined(before, replace(after, keys=after.keys + (runs << RUN_SHIFT)))
         self.cell = cell

@@ -34,7 +34,7 @@ PER_OCTAVE = 8
 BANDS = PER_OCTAVE * (OCTAVES - 1)
 """Number of bands: the fastest octave ends at half the sample rate."""
 MEANS = 64
-"""Samples in a mean for the slower transform, as in the first stage of the spectrum."""
+"""Points whose mean is a point of the next stage of the spectrum, and of the slower transform."""
 TRANSFORMS = ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1))
 """Points, and samples per point, of the transforms for the slower and the faster bands."""
 
