@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from imu_allan.finding import CODES
-from imu_allan.writers.sentences import WORDS, Words
-from imu_allan.writers.words import values_of
+from imu_allan.finding_messages import values_of
+from imu_allan.finding_texts import WORDS, Words
 
 HEAD = """\
 # Findings

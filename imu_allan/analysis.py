@@ -159,7 +159,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
         result = _alone(path, choice, progress, recording)
     else:
         result = _together(path, choice, progress)
-    from imu_allan.writers.words import with_words
+    from imu_allan.finding_messages import with_words
     return with_words(replace(result, source=replace(
         result.source, options=choice.said(), files=files)))
 
@@ -264,7 +264,7 @@ def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]
         result, own = one.characterization.fitted(one.remarks())
         results.append(result)
         fits |= {name: fit for name, fit in own.items() if name.startswith(one.stream.half or '')}
-    from imu_allan.writers.words import with_words
+    from imu_allan.finding_messages import with_words
     return with_words(_as_one(taken, results)), fits
 
 

@@ -3,8 +3,8 @@
 """
 What the user should know, as data: a code, a severity, the axes, and figures.
 
-Only the writers turn findings into sentences (`imu_allan.writers.words`), and nothing below them
-makes decisions based on findings.
+Only `imu_allan.finding_messages` turns findings into sentences, by `imu_allan.finding_texts`, and
+nothing below it makes decisions based on findings.
 """
 
 from collections.abc import Mapping, Sequence

@@ -9,12 +9,16 @@ from pathlib import Path
 import re
 import signal
 import tempfile
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
 from sources import ON_PYPI_ALONE
+
+if TYPE_CHECKING:
+    from browser import Browser
+    from imu_allan.result import Result
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -89,6 +93,23 @@ def short_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     blocks = simulated_blocks(parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}'), 100.0, 3000,
                               start_ns=10**18)
     return write_recording(tmp_path_factory.mktemp('recordings') / 'a', blocks)
+
+
+@pytest.fixture(scope='session')
+def result() -> 'Result':
+    """Give a result that is looked at from every side."""
+    from exact_results import build_result
+
+    return build_result()
+
+
+@pytest.fixture(scope='module')
+def browser() -> 'Iterator[Browser]':
+    """Run a browser for pages."""
+    from browser import running_browser
+
+    with running_browser() as browser:
+        yield browser
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from pydoc_data.topics import topics
 import re
 
 from imu_allan.finding import Finding
-from imu_allan.writers.sentences import WORDS
-from imu_allan.writers.words import explained, title_of
+from imu_allan.finding_messages import explained, title_of
+from imu_allan.finding_texts import WORDS
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -109,7 +109,7 @@ def test_sentences_of_the_program_are_short_and_have_no_english_of_its_own():
 
 def test_no_name_or_comment_has_english_of_its_own():
     # These have the words to look for.
-    lists = ('test_language.py', 'test_words.py')
+    lists = ('test_language.py', 'test_finding_messages.py')
     lines = [line for folder in ('imu_allan', 'test', 'bench')
              for path in (ROOT / folder).rglob('*.py') if path.name not in lists
              for line in path.read_text().splitlines()]

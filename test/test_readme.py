@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 from imu_allan.cli.main import main
-from imu_allan.writers.datasheet import live
+from imu_allan.datasheet import live
 import numpy as np
 from processes import python
 import pytest

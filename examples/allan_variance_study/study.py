@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import imu_allan
+from imu_allan.datasheet import check
 from imu_allan.noise.terms import Quantity, TERMS
 from imu_allan.result import AxisResult, Result, Source, Spectrum, Timeline
 from imu_allan.sensor.noise_model import load_model, parse_model
@@ -24,7 +25,6 @@ from imu_allan.sensor.units import convert, engineering, parse, typeset
 from imu_allan.wording import number
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.curves import density_limits, limits_of
-from imu_allan.writers.datasheet import check
 from imu_allan.writers.plot import (
     COLOURS,
     draw_curve,

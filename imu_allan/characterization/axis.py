@@ -4,14 +4,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from math import floor, log10
 from warnings import warn
 
 from imu_allan.arguments import positive_number
 from imu_allan.arrays import Array
-from imu_allan.characterization.findings import fit_remarks, steadiness_remarks
+from imu_allan.characterization.noise_findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
+from imu_allan.finding_messages import message_of
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
@@ -113,9 +113,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     [(axis, remarks)] = axis_results(estimator, sample_rate_hz, [Quantity(quantity)])
     for remark in remarks:
         if remark.severity == 'act':
-            # Its words come from a writer; nothing else here depends on writers.
-            words = import_module('imu_allan.writers.words')
-            warn(f'{remark.code}: {words.message_of(remark)}', stacklevel=2)
+            warn(f'{remark.code}: {message_of(remark)}', stacklevel=2)
     return axis
 
 

@@ -17,7 +17,7 @@ from typing import Literal
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group, groups_of
-from imu_allan.characterization.findings import (
+from imu_allan.characterization.noise_findings import (
     halves_remarks,
     length_remarks,
     MEAN_MOVES,

@@ -135,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
                 print_wrapped(f'Written to {printable(str(task.folder))}: '
                               f'{", ".join(kinds_of_files(task.exports))}')
             from imu_allan.fleet.population import shows_anything
-            from imu_allan.writers.verdict import verdict_lines
+            from imu_allan.writers.verdict_lines import verdict_lines
 
             if not shows_anything(result):
                 topic = task.choice.topic if args.all_topics else None

@@ -15,9 +15,9 @@ from imu_allan.writers.atomic import CERTIFICATE, JUNIT, VERDICTS
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
+    from imu_allan.datasheet import Verdict
     from imu_allan.result import Result
     from imu_allan.sensor.noise_model import NoiseModel
-    from imu_allan.writers.datasheet import Verdict
 
 
 def register(verbs: Any) -> None:
@@ -65,12 +65,13 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write the requested files, and return the exit status."""
+    from imu_allan.datasheet import check, overall
+    from imu_allan.finding_messages import for_display, in_full
     from imu_allan.recordings import recordings_in
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.terminal import console_of, wrapped
-    from imu_allan.writers.words import for_display, in_full
     from rich.measure import Measurement
 
     specification, choice = arguments.specification_of(args.spec), choice_of(args)
@@ -82,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         result, verdicts = _live(source, args, choice, specification)
     else:
         result = _result_of(source, args, choice)
-        verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
+        verdicts = check(result, specification, shortest_s=args.min_duration)
     if said := arguments.inspection_of(args):
         # Entries that are not given stay as they were.
         result = replace(result, inspection=replace(result.inspection or Inspection(), **said))
@@ -100,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     console.print(table)
     # A wrong unit or lost samples may be what fails or passes.
     act = [found for found in for_display(result.warnings) if found.severity == 'act']
-    outcome = datasheet.overall(verdicts)
+    outcome = overall(verdicts)
     console.print(*wrapped([text for _, text in in_full(act, together=True)], console.width),
                   f'{outcome}: {printable(source)} against '
                   f'{printable(specification.name or args.spec)}',
@@ -129,8 +130,8 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
           ) -> 'tuple[Result, list[Verdict]]':
     """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import fitted_of, growing
+    from imu_allan.datasheet.live import check_state, next_look
     from imu_allan.wording import duration as said
-    from imu_allan.writers.datasheet.live import check_state, next_look
     from imu_allan.writers.result_file import is_result
 
     if is_result(source):

@@ -27,8 +27,8 @@ def run(args: argparse.Namespace) -> int:
     """Print the explanation of a code, or a list of all codes."""
     from textwrap import fill
 
-    from imu_allan.writers.sentences import WORDS
-    from imu_allan.writers.words import explained
+    from imu_allan.finding_messages import explained
+    from imu_allan.finding_texts import WORDS
 
     if not args.code:
         width = max(map(len, WORDS))

@@ -79,12 +79,12 @@ class FleetResults:
 def in_one_line(unit: str, result: 'Result') -> str:
     """Return a result as one line."""
     from imu_allan.sensor.units import engineering
-    from imu_allan.verdict import verdicts
+    from imu_allan.sensor_verdicts import sensor_verdicts
     from imu_allan.wording import duration, number
-    from imu_allan.writers.verdict import findings_line, VERDICT_TEXT
+    from imu_allan.writers.verdict_lines import findings_line, VERDICT_TEXT
 
     parts = [duration(result.timeline.duration_s)]
-    for sensor, found in verdicts(result).items():
+    for sensor, found in sensor_verdicts(result).items():
         densities = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
                      if name.startswith(sensor)]
         said = '' if found.verdict == 'good' else VERDICT_TEXT[found.verdict]

@@ -57,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.analysis import offset_progress
+    from imu_allan.finding_messages import message_of
     from imu_allan.recordings import choose_topic, open_recording
-    from imu_allan.writers.words import message_of
     from rich.filesize import decimal
 
     most = 20   # each takes a pass over the whole recording
@@ -130,12 +130,12 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> list[str]:
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             progress: Callable[[int], None] | None) -> list[str]:
     from imu_allan.analysis import in_si_units
+    from imu_allan.finding_messages import message_of
     from imu_allan.noise.terms import AXES
     from imu_allan.recordings.halves import Stream
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC
-    from imu_allan.writers.words import message_of
     import numpy as np
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
@@ -194,9 +194,9 @@ def _wrapped(name: str, text: str) -> list[str]:
 
 def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                    ) -> list[tuple[str, str]]:
+    from imu_allan.finding_messages import message_of
     from imu_allan.noise.terms import AXES
     from imu_allan.wording import clock_of, counted, duration, is_table, named
-    from imu_allan.writers.words import message_of
 
     timeline, table = summary.timeline, is_table(topic)
     stamp = 'time' if table else 'header stamp'

@@ -9,6 +9,7 @@ Each `see_` method receives the current state and compares it with the previous 
 from collections.abc import Sequence
 
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import for_display, message_of, title_of
 from imu_allan.node.diagnostics import (
     Condition,
     Facts,
@@ -22,7 +23,6 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
-from imu_allan.writers.words import for_display, message_of, title_of
 
 PAUSE_S = 1.0
 """Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes

@@ -42,7 +42,7 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
-from imu_allan.writers.verdict import closing_lines
+from imu_allan.writers.verdict_lines import closing_lines
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock

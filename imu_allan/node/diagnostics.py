@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from imu_allan.finding_messages import for_display, message_of
 from imu_allan.node.result_messages import key_values, remark_values
 from imu_allan.node.shown_terms import rest_s
 from imu_allan.node.standards import Comparison
@@ -21,7 +22,6 @@ from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
-from imu_allan.writers.words import for_display, message_of
 
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',

@@ -14,11 +14,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import message_of, of_axis
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration, SENSORS
-from imu_allan.writers.words import message_of, of_axis
 from std_msgs.msg import (
     Float64MultiArray,
     Header,

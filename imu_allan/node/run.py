@@ -15,6 +15,7 @@ from imu_allan.characterization.halves import united
 from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import with_words
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.shown_terms import rest_s, ShownTerms
@@ -24,7 +25,6 @@ from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions
-from imu_allan.writers.words import with_words
 from numpy.typing import NDArray
 
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')

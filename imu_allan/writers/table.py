@@ -15,14 +15,20 @@ from typing import TextIO, TYPE_CHECKING
 from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import for_display, in_full
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
-from imu_allan.writers import answer
 from imu_allan.writers.curves import axes_of, reported
+from imu_allan.writers.key_figures import (
+    filter_lines,
+    key_figures,
+    KeyFigures,
+    longer_recording_note,
+    written_mean,
+)
 from imu_allan.writers.terminal import console_of, wrapped
-from imu_allan.writers.verdict import COLUMNS, good_to_know, Units, verdict_lines
-from imu_allan.writers.words import for_display, in_full
+from imu_allan.writers.verdict_lines import COLUMNS, good_to_know, Units, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -54,13 +60,13 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    found = answer.key_figures(result)
+    found = key_figures(result)
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     verdicts = list(wrapped(verdict_lines(result, units), width, 'bold'))
     # The measured K also stands in the table, if a line is wanting.
-    tuned = [list(wrapped(answer.filter_lines(result, found, width, measured=measured), width))
+    tuned = [list(wrapped(filter_lines(result, found, width, measured=measured), width))
              for measured in (True, False)]
     heading = _heading(result, width)
     tables = _tables(result, found, width, units, verbose=verbose)
@@ -99,7 +105,7 @@ def _heading(result: Result, width: int) -> 'list[Text]':
                key=len)
 
 
-def _tables(result: Result, found: Sequence[answer.KeyFigures], width: int, units: Units, *,
+def _tables(result: Result, found: Sequence[KeyFigures], width: int, units: Units, *,
             verbose: bool) -> 'list[list[Text]]':
     """Arrange the axes side by side in the widest layout that fits, or else the last."""
     # Whether with term names, a filter column, and intervals on separate lines.
@@ -114,7 +120,7 @@ def _tables(result: Result, found: Sequence[answer.KeyFigures], width: int, unit
     return tables
 
 
-def _cells(result: Result, figures: answer.KeyFigures, units: Units, *, verbose: bool,
+def _cells(result: Result, figures: KeyFigures, units: Units, *, verbose: bool,
            named: bool, tuned: bool, tall: bool) -> 'list[list[Text]]':
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
     from rich.text import Text
@@ -138,7 +144,7 @@ def _cells(result: Result, figures: answer.KeyFigures, units: Units, *, verbose:
     if (verbose or not rows) and any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if si else MEAN_UNITS[quantity.unit]
         rows.append([Text(f'mean {unit}', 'dim'), *(
-            Text.assemble(('' if axis.mean is None else answer.written_mean(
+            Text.assemble(('' if axis.mean is None else written_mean(
                 axis, axis.mean, result.timeline.rest_s, unit)[0], 'dim'))
             for axis in axes.values()), Text()])
     heading = [figures.title, *(name[-1] for name in axes), 'filter' if filters else '']
@@ -183,7 +189,7 @@ def _notes(result: Result) -> list[str]:
     words = []
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
-    if longer := answer.longer_recording_note(result):
+    if longer := longer_recording_note(result):
         words.append(longer)
     return [' '.join(words)]
 

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding_messages import for_display, sentence_of, trend_notes, why_left_out
 from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Interval, Result
@@ -23,7 +24,6 @@ from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, up
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import of_sensor
 from imu_allan.writers.terminal import bare_table
-from imu_allan.writers.words import for_display, sentence_of, trend_notes, why_left_out
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text

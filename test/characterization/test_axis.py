@@ -9,7 +9,7 @@ import warnings
 from characterized import B, characterized, K, messages, N, one_axis, several, streamed, taken_in
 from exact_results import axis_of as drifting
 from imu_allan.characterization.axis import axis_results, characterize
-from imu_allan.characterization.findings import halves_remarks
+from imu_allan.characterization.noise_findings import halves_remarks
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity
 from imu_allan.noise.uncertainty import bounded

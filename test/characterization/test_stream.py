@@ -7,14 +7,14 @@ import json
 from characterized import B, ends, in_blocks, K, N, said, streamed
 from imu_allan import analyze
 from imu_allan.characterization import Characterization
+from imu_allan.datasheet import check
+from imu_allan.finding_messages import with_words
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet import check
-from imu_allan.writers.words import with_words
 import numpy as np
 import pytest
 from repeated import slow

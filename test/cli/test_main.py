@@ -10,8 +10,8 @@ import sys
 
 from imu_allan.cli.main import command_parser
 from imu_allan.cli.recording_options import recording_options
+from imu_allan.finding_texts import WORDS
 from imu_allan.recordings import RecordingOptions
-from imu_allan.writers.sentences import WORDS
 from processes import interrupted, python, wait_until
 import pytest
 from whole_lines import Varying

@@ -12,9 +12,9 @@ import xml.etree.ElementTree as ElementTree
 from exact_results import with_axes
 import imu_allan
 from imu_allan.cli.progress import ProgressBar
+from imu_allan.datasheet import live
 from imu_allan.finding import finding
 from imu_allan.result import Inspection
-from imu_allan.writers.datasheet import live
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.result_file import load_result, save_result
 from on_terminal import assert_as_before

@@ -14,8 +14,8 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding_messages import message_of
 from imu_allan.recordings import open_recording, read_blocks
-from imu_allan.writers.words import message_of
 import pytest
 from repeated import slow
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from imu_allan.cdr import blocks_from_messages
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding_messages import message_of
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.timeline import TimelineStage
-from imu_allan.writers.words import message_of
 from imu_messages import encode_imu
 from mutations import each, mutated_bytes, mutated_text, rounds, run_command
 import numpy as np

@@ -10,6 +10,7 @@ from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.finding import finding
+from imu_allan.finding_messages import message_of, with_words
 from imu_allan.node import diagnostics
 from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.checkpoint import decode_state, encode_state
@@ -23,7 +24,6 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.result_file import save_result
-from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
 from ros_harness import at_rest, entries, facts, summary

@@ -8,12 +8,12 @@ from characterized import B, characterized, ends, holds, K, messages, N, several
 from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
+from imu_allan.datasheet import check
+from imu_allan.datasheet.live import check_state
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet import check
-from imu_allan.writers.datasheet.live import check_state
 from imu_allan.writers.filters import export, ExportOptions
 import numpy as np
 import pytest

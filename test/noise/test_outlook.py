@@ -4,11 +4,11 @@
 
 from characterized import B, K, messages, N, simulated
 from imu_allan.characterization import Characterization
+from imu_allan.datasheet.live import check_state, next_look
 from imu_allan.noise import spectrum
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.sequential import SMALLEST_RECORD
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet.live import check_state, next_look
 import numpy as np
 import pytest
 from repeated import slow

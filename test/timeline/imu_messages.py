@@ -8,9 +8,9 @@ from itertools import pairwise
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import for_display
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
-from imu_allan.writers.words import for_display
 import numpy as np
 from numpy.typing import NDArray
 

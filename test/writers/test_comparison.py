@@ -14,7 +14,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
 from imu_allan.writers.fleet import Failure, Fleet, population_table
-from imu_allan.writers.fleet.findings import sentence
+from imu_allan.writers.fleet.outlier_sentences import sentence
 from imu_allan.writers.fleet.written import fleet_csv, fleet_html, fleet_json
 import numpy as np
 from on_terminal import shown

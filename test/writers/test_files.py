@@ -7,6 +7,7 @@ from dataclasses import replace
 import json
 import os
 
+from imu_allan.finding_messages import with_words
 from imu_allan.result import Timeline
 from imu_allan.writers import folder as folders
 from imu_allan.writers.atomic import kind_of, write_atomically, write_files, write_in
@@ -14,7 +15,6 @@ from imu_allan.writers.filters import export
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import curves_csv, is_result, load_result
-from imu_allan.writers.words import with_words
 import numpy as np
 import pytest
 from whole_lines import refused

@@ -1,19 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Comparison of a measured sensor with its datasheet.
+"""Output of the verdicts of `imu_allan.datasheet`."""
 
-`verdicts` decides and `measured` gives the measured value of each limited quantity. `written`
-formats tables, documents and the certificate, and `live` ends a check once it is certain.
-"""
+from imu_allan.writers.datasheet.certificate import certificate_html
+from imu_allan.writers.datasheet.json_and_junit import to_json, to_junit
+from imu_allan.writers.datasheet.reasons import reasons
+from imu_allan.writers.datasheet.verdict_table import verdict_table
 
-from imu_allan.writers.datasheet.verdicts import check, overall, reasons, summary, Verdict
-from imu_allan.writers.datasheet.written import (
-    certificate_html,
-    to_json,
-    to_junit,
-    verdict_table,
-)
-
-__all__ = ['Verdict', 'certificate_html', 'check', 'overall', 'reasons', 'summary', 'to_json',
-           'to_junit', 'verdict_table']
+__all__ = ['certificate_html', 'reasons', 'to_json', 'to_junit', 'verdict_table']

@@ -3,11 +3,11 @@
 """Heading of a configuration: the origin of its numbers, and the expected performance."""
 
 from imu_allan.errors import printable
+from imu_allan.finding_messages import trend_notes, why_left_out
 from imu_allan.tuning.tune import assess
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration, ranged
 from imu_allan.writers.filters.chosen_numbers import Numbers, Sensor, SENSORS
-from imu_allan.writers.words import trend_notes, why_left_out
 
 
 def provenance(numbers: Numbers) -> list[str]:

@@ -7,7 +7,7 @@ Output for a fleet: page, table and document about many units.
 terminal, the page, JSON and CSV.
 """
 
-from imu_allan.writers.fleet.findings import Failure, Fleet
+from imu_allan.writers.fleet.outlier_sentences import Failure, Fleet
 from imu_allan.writers.fleet.written import population_table, save_fleet
 
 __all__ = ['Failure', 'Fleet', 'population_table', 'save_fleet']

@@ -17,7 +17,7 @@ from imu_allan.writers.figure_style import (
     plot_style,
     SERIES,
 )
-from imu_allan.writers.fleet.findings import Fleet
+from imu_allan.writers.fleet.outlier_sentences import Fleet
 from imu_allan.writers.panels import draw_curve
 import numpy as np
 

@@ -13,6 +13,7 @@ from typing import Any, TYPE_CHECKING
 from urllib.parse import quote
 
 from imu_allan.errors import printable
+from imu_allan.finding_messages import for_display
 from imu_allan.fleet.population import (
     FEWEST_UNITS,
     MEAN,
@@ -25,17 +26,16 @@ from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, counted, duration, rounded, SENSORS, spoken
-from imu_allan.writers.answer import worst_of
 from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet.figure import curves_figure
-from imu_allan.writers.fleet.findings import Fleet, quantity_name
+from imu_allan.writers.fleet.outlier_sentences import Fleet, quantity_name
+from imu_allan.writers.key_figures import worst_of
 from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.plot import render
 from imu_allan.writers.terminal import bare_table, wrapped
-from imu_allan.writers.verdict import findings_line
-from imu_allan.writers.words import for_display
+from imu_allan.writers.verdict_lines import findings_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

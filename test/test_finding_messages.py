@@ -9,8 +9,8 @@ import re
 
 import imu_allan
 from imu_allan.finding import CODES, Finding, finding, is_optional
-from imu_allan.writers.sentences import WORDS
-from imu_allan.writers.words import advice, brief, for_display, message_of, sentence_of
+from imu_allan.finding_messages import advice, brief, for_display, message_of, sentence_of
+from imu_allan.finding_texts import WORDS
 from on_terminal import assert_as_before
 import pytest
 
@@ -20,7 +20,7 @@ PACKAGE = Path(imu_allan.__file__).parent
 def test_every_code_that_is_found_has_words_and_every_value_a_type():
     # Calls that make a finding with a code that is written there.
     calls = [node for path in sorted(PACKAGE.rglob('*.py'))
-             if path.name not in ('words.py', 'sentences.py')
+             if path.name not in ('finding_messages.py', 'finding_texts.py')
              for node in ast.walk(ast.parse(path.read_text()))
              if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant)
              and getattr(node.func, 'id', getattr(node.func, 'attr', '')) in ('finding', 'remark')]

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from imu_allan.finding import Finding
+from imu_allan.finding_messages import brief, for_display, in_full, title_of, together
+from imu_allan.finding_texts import WORDS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
+from imu_allan.sensor_verdicts import concerns, FAULTS, sensor_verdicts, SHORTEST_GOOD_S
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
-from imu_allan.writers import words
-from imu_allan.writers.answer import filter_lines, key_figures
 from imu_allan.writers.curves import axes_of
-from imu_allan.writers.sentences import WORDS
+from imu_allan.writers.key_figures import filter_lines, key_figures
 
 Units = Literal['datasheet', 'si']
 COLUMNS = 80
@@ -28,7 +28,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     Example: ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
     """
     lines = []
-    for sensor, verdict in verdicts(result).items():
+    for sensor, verdict in sensor_verdicts(result).items():
         axes = axes_of(result, sensor)
         title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':
@@ -43,14 +43,14 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
 
 def findings_line(result: Result) -> str:
     """Return ``6 findings: low-pass, poor fit, ...``, in the order of all front ends, or ''."""
-    found = words.for_display(result.warnings)
-    titles = dict.fromkeys(map(words.title_of, found))
+    found = for_display(result.warnings)
+    titles = dict.fromkeys(map(title_of, found))
     return f'{counted(len(found), "finding")}: {", ".join(titles)}' if found else ''
 
 
 def good_to_know(findings: Sequence[Finding], more: str = 'imu_allan explain NAME') -> str:
     """Return a sentence that counts and names what is not said in full, or ''."""
-    titles = dict.fromkeys(map(words.title_of, findings))
+    titles = dict.fromkeys(map(title_of, findings))
     return f'Good to know ({len(titles)}): {", ".join(titles)} ({more}).' if findings else ''
 
 
@@ -61,11 +61,11 @@ def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:
     The verdicts, numbers for a filter that is corrected every `aiding_s` and unaided for `coast_s`
     at most, what is to be acted upon, and the names of the other findings.
     """
-    found = words.for_display(result.warnings)
+    found = for_display(result.warnings)
     act = [one for one in found if one.severity == 'act']
     return [*verdict_lines(result),
             *filter_lines(result, key_figures(result, aiding_s, coast_s), 200, aiding_s, coast_s),
-            *(text for _, text in words.in_full(act, together=True, live=True)),
+            *(text for _, text in in_full(act, together=True, live=True)),
             *filter(None, [good_to_know([one for one in found if one.severity != 'act'])])]
 
 
@@ -101,7 +101,7 @@ def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str
     if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
         return f'{duration(rest_s)} at rest',
     found: dict[str, list[Finding]] = {code: [] for code in because}
-    for one in words.for_display(result.warnings):
+    for one in for_display(result.warnings):
         if one.code in found and concerns(one, sensor):
             found[one.code].append(one)
     faulty: dict[str, set[str]] = {}
@@ -114,8 +114,8 @@ def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str
             axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)}
         axes = f' ({listed(sorted(letters))})' if letters else ''
         if same:
-            said.append((f'{words.brief(words.together(same, sensor))}{axes}',
-                         f'{words.title_of(same[0])}{axes}'))
+            said.append((f'{brief(together(same, sensor))}{axes}',
+                         f'{title_of(same[0])}{axes}'))
         elif code in WORDS:
             said.append((f'{WORDS[code].title}{axes}',) * 2)
     return tuple(map(', '.join, zip(*said, strict=True))) or ('N does not show',)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages of findings, from the texts in `imu_allan.writers.sentences` and their values.
+Messages of findings, from the texts in `imu_allan.finding_texts` and their values.
 
 No other module composes such messages.
 """
@@ -16,12 +16,12 @@ from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
+from imu_allan.finding_texts import Span, Text, WORDS
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.verdict import FAULTS, verdicts
+from imu_allan.sensor_verdicts import FAULTS, sensor_verdicts
 from imu_allan.wording import about, counted, duration, listed, named, number, ranged, SENSORS
-from imu_allan.writers.sentences import Span, Text, WORDS
 
 
 def title_of(found: Finding) -> str:
@@ -208,7 +208,7 @@ def for_display(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 def with_words(result: Result) -> Result:
     """Return a result whose findings and verdicts are in the form that all front ends show."""
     shown = replace(result, warnings=for_display(result.warnings))
-    return replace(shown, sensors=verdicts(shown))
+    return replace(shown, sensors=sensor_verdicts(shown))
 
 
 def trend_notes(result: Result) -> list[str]:

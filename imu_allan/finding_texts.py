@@ -4,7 +4,7 @@
 Texts for every code of a finding, in the order of `imu_allan.finding.CODES`.
 
 A text is a template with the values of a finding in braces, as for `str.format`; after the colon
-may also stand a form of `imu_allan.writers.words`. A part in square brackets is left out if its
+may also stand a form of `imu_allan.finding_messages`. A part in square brackets is left out if its
 first value is unknown. Of several templates, the first is used of which all values are known.
 
 Where more than that decides, a function returns the template. Its `f` holds the known values, and

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.characterization import Characterization
+from imu_allan.datasheet.measured import hidden_by_steps
+from imu_allan.datasheet.verdicts import check, Outcome, overall, Verdict
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
-from imu_allan.writers.datasheet.measured import hidden_by_steps
-from imu_allan.writers.datasheet.verdicts import check, Outcome, overall, Verdict
 
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""

@@ -8,13 +8,13 @@ from math import hypot, sqrt
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.errors import brief
+from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
-from imu_allan.writers.words import sentence_of
 
 DEAD = 1e-3
 """Share of the noise density limit below which an axis is dead. No sensor is a thousand times

@@ -13,13 +13,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from imu_allan.datasheet.measured import fault_of, Measured, of_limit, stopped
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
-from imu_allan.sensor.units import convert, unit_of
-from imu_allan.wording import duration, measured, number
-from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit, stopped
+from imu_allan.wording import duration
 
 Outcome = Literal['pass', 'fail', 'cannot tell']
 
@@ -72,7 +71,7 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0)
     recorded = result.timeline.rest_s
     if recorded < shortest_s:
         short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
-        verdicts = [replace(v, verdict='cannot tell', reason=f'{_what(v.axis, v.symbol)}: {short}')
+        verdicts = [replace(v, verdict='cannot tell', reason=f'{v.axis} {v.symbol}: {short}')
                     if v.verdict == 'pass' else v for v in verdicts]
     return verdicts
 
@@ -81,57 +80,6 @@ def overall(verdicts: Sequence[Verdict]) -> Outcome:
     """Return 'fail' if any quantity fails, else 'cannot tell' if any is undecided, else 'pass'."""
     outcomes = {verdict.verdict for verdict in verdicts}
     return 'fail' if 'fail' in outcomes else 'cannot tell' if 'cannot tell' in outcomes else 'pass'
-
-
-def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
-    """Return the verdict on the whole sensor, and the reasons against a pass, with figures."""
-    outcome = overall(verdicts)
-    return outcome, [_with_figures(verdict) for verdict in verdicts
-                     if verdict.verdict == outcome != 'pass']
-
-
-def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
-    """Return why quantities do not pass, failures first, and the number of each one's reason."""
-    keys = [None if verdict.verdict == 'pass' else (
-        verdict.verdict, _with_figures(verdict).removeprefix(
-            f'{_what(verdict.axis, verdict.symbol)}: ')) for verdict in verdicts]
-    order = sorted({key for key in keys if key is not None},
-                   key=lambda key: (key[0] != 'fail', keys.index(key)))
-    sentences = [', '.join(_what(verdict.axis, verdict.symbol) for verdict, own in zip(
-        verdicts, keys, strict=True) if own == key) + f': {key[1]}' for key in order]
-    return sentences, [None if key is None else order.index(key) + 1 for key in keys]
-
-
-def in_written_unit(verdict: Verdict, value: float) -> str:
-    """Return a value in the unit that the specification uses, as text without the unit."""
-    return number(convert(value, verdict.unit, unit_of(verdict.specified)))
-
-
-def with_interval(verdict: Verdict, value: float, bounds: tuple[float, float]
-                  ) -> tuple[str, str, str]:
-    """Return value and interval in the unit of the specification, with matching digits."""
-    unit = unit_of(verdict.specified)
-    shown = measured(*(convert(number, verdict.unit, unit) for number in (value, *bounds)))
-    limit = convert(verdict.limit, verdict.unit, unit)
-    if [_side(float(text), limit) for text in shown[1:]] != [
-            _side(bound, verdict.limit) for bound in bounds]:
-        # Rounded to or across the limit, the interval would contradict the verdict beside it.
-        return (in_written_unit(verdict, value), in_written_unit(verdict, bounds[0]),
-                in_written_unit(verdict, bounds[1]))
-    return shown
-
-
-def _side(number: float, limit: float) -> int:
-    return (number > limit) - (number < limit)
-
-
-def _with_figures(verdict: Verdict) -> str:
-    if verdict.value is None:
-        return verdict.reason
-    if verdict.ci95 is None:
-        return f'{verdict.reason} (measured {in_written_unit(verdict, verdict.value)})'
-    value, low, high = with_interval(verdict, verdict.value, verdict.ci95)
-    return f'{verdict.reason} (measured {value}, {low} .. {high})'
 
 
 def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
@@ -170,7 +118,7 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
         # With a limit close to zero, the ratio would overflow.
         ratio=None if measured.value is None or limit <= 0 or measured.value > limit * 1e300
         else measured.value / limit,
-        verdict=outcome, reason=f'{_what(axis, symbol)}: {reason}')
+        verdict=outcome, reason=f'{axis} {symbol}: {reason}')
 
 
 def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str]
@@ -194,7 +142,3 @@ def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str
     if low > limit:
         return 'fail', f'the 95 % interval is above {shown}'
     return 'cannot tell', f'the 95 % interval reaches across {shown}; record for longer'
-
-
-def _what(axis: str, symbol: str) -> str:
-    return f'{axis} {symbol}'

@@ -14,7 +14,7 @@ FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'satu
 """Codes of findings by `AxisResult.fault`: a file may hold the fault without the finding."""
 
 
-def verdicts(result: Result) -> dict[str, SensorVerdict]:
+def sensor_verdicts(result: Result) -> dict[str, SensorVerdict]:
     """Return the verdict on each sensor with axes in a result, with the codes behind it."""
     found = {}
     for sensor in ('gyro', 'accel'):
