@@ -8,7 +8,7 @@ from imu_allan.interruption import interrupt_despite_errors, quiet_interrupt
 def main() -> int:
     """Run the command; Ctrl-C ends it silently, even during its imports."""
     with quiet_interrupt():
-        from imu_allan.quick_start import start_quickly
+        from imu_allan.fast_startup import start_quickly
         start_quickly()
         from imu_allan.cli.main import main as run
 

@@ -17,13 +17,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_allan.arguments import positive_time, shown
+from imu_allan.argument_checks import positive_time, shown
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
-from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.recordings.same_recording import files_digest, Fingerprint, Seen
+from imu_allan.recordings.repeated_messages import files_digest, Fingerprint, Seen
+from imu_allan.recordings.separate_gyro_and_accel import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
 from imu_allan.result import Result
@@ -337,6 +337,6 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
 
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
     """Return the result of the IMU, from one stream or from gyroscope and accelerometer."""
-    from imu_allan.characterization.halves import united
+    from imu_allan.characterization.separate_gyro_and_accel import united
     return united([(one.stream.half, result)
                    for one, result in zip(taken, results, strict=True)])

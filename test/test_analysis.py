@@ -8,7 +8,7 @@ from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
-from imu_allan.recordings.same_recording import Fingerprint
+from imu_allan.recordings.repeated_messages import Fingerprint
 from imu_allan.wording import origin_of
 from imu_allan.writers.filters import export
 import numpy as np

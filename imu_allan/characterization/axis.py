@@ -7,14 +7,14 @@ from dataclasses import replace
 from math import floor, log10
 from warnings import warn
 
-from imu_allan.arguments import positive_number
+from imu_allan.argument_checks import positive_number
 from imu_allan.arrays import Array
 from imu_allan.characterization.noise_findings import fit_remarks, steadiness_remarks
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import message_of
+from imu_allan.noise.allan_deviation import edf, interval, Octaves, octaves
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.faults import (
     axis_fault,
@@ -26,8 +26,8 @@ from imu_allan.noise.faults import (
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.estimates import Estimate
-from imu_allan.noise.posterior.judgments import POSSIBLE
 from imu_allan.noise.posterior.report import AxisReport
+from imu_allan.noise.posterior.thresholds_and_priors import POSSIBLE
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import white_ratio

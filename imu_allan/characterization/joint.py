@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
 from imu_allan.arrays import Array
+from imu_allan.characterization.accuracy_of_mean import mean_is_known
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
-from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.noise_findings import length_remarks, tone_findings, with_start
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization

@@ -5,14 +5,12 @@
 import argparse
 from collections.abc import Mapping
 import math
-import os
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.arguments import LONGEST_S, SHORTEST_S
-from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.consumers import consumer_called
+from imu_allan.argument_checks import LONGEST_S, SHORTEST_S
+from imu_allan.writers.supported_filters import consumer_called
 
 if TYPE_CHECKING:
     from imu_allan.sensor.noise_model import NoiseModel
@@ -94,43 +92,6 @@ def whole_number(text: str) -> int:
     return value
 
 
-def require_apart(args: argparse.Namespace) -> None:
-    """
-    Refuse an output that is an input, another output, or an existing file of another kind.
-
-    The defaults `inputs` and `outputs` of each verb list which of its arguments are which. Outputs
-    have a kind (`imu_allan.writers.atomic`), which is empty for a folder.
-    """
-    from imu_allan.writers.atomic import require_replaceable
-
-    given = [(name.replace('_', ' '), path) for name in getattr(args, 'inputs', ())
-             for path in _paths(args, name)]
-    written = [(f'--{name}', path, kind) for name, kind in getattr(args, 'outputs', {}).items()
-               for path in _paths(args, name)]
-    for name, path, *_ in (*given, *written):
-        if not path:
-            raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
-    taken: dict[str, str] = {}
-    for name, path, kind in written:
-        is_file = Path(path).is_file()
-        # A device can take several outputs.
-        if (is_file or not Path(path).exists()) and (
-                first := taken.setdefault(os.path.realpath(path), name)) != name:
-            raise ImuAllanError(f'{name} {printable(path)}: is the file of {first}, too; name '
-                                'another file')
-        if is_file and any(Path(other).exists() and Path(path).samefile(other)
-                           for _, other in given):
-            raise ImuAllanError(f'{name} {printable(path)}: is an input of this command, which '
-                                'would be overwritten; name another file')
-        if is_file and kind:
-            require_replaceable(path, kind)
-
-
-def _paths(args: argparse.Namespace, name: str) -> list[str]:
-    found = getattr(args, name)
-    return [] if found is None else [found] if isinstance(found, str) else list(found)
-
-
 def specification_of(text: str) -> 'NoiseModel':
     """Return a datasheet, from a file or from those that are shipped."""
     from imu_allan.sensor.noise_model import find_model, load_model
@@ -165,7 +126,7 @@ def _meta(text: str) -> tuple[str, str]:
 
 
 def consumer(text: str) -> str:
-    """Read the name of a consumer that `imu_allan.writers.consumers` knows."""
+    """Read the name of a consumer that `imu_allan.writers.supported_filters` knows."""
     try:
         return consumer_called(text)
     except KeyError as error:

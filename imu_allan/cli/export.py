@@ -11,7 +11,7 @@ from typing import Any
 from imu_allan.cli import arguments
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
-from imu_allan.writers.consumers import consumers_by_family
+from imu_allan.writers.supported_filters import consumers_by_family
 
 
 def register(verbs: Any) -> None:

@@ -91,7 +91,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
 
 def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
     """Return the rate that the user states for a topic."""
-    from imu_allan.recordings.halves import half_of
+    from imu_allan.recordings.separate_gyro_and_accel import half_of
 
     if args.rate is None and args.accel_rate is None:
         return None
@@ -101,7 +101,7 @@ def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> fl
 
 def _choice(recording: 'Recording') -> list[str]:
     """Describe which of several topics are read if none is named."""
-    from imu_allan.recordings.halves import choose_streams
+    from imu_allan.recordings.separate_gyro_and_accel import choose_streams
 
     try:
         topics = [printable(stream.topic) for stream in choose_streams(recording)]
@@ -132,7 +132,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.analysis import in_si_units
     from imu_allan.finding_messages import message_of
     from imu_allan.noise.terms import AXES
-    from imu_allan.recordings.halves import Stream
+    from imu_allan.recordings.separate_gyro_and_accel import Stream
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC

@@ -17,7 +17,8 @@ import sys
 from typing import Any
 
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
-from imu_allan.cli.arguments import require_apart, Shown
+from imu_allan.cli.arguments import Shown
+from imu_allan.cli.overwriting import require_apart
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, exit_status
 from imu_allan.version import __version__

@@ -23,8 +23,8 @@ from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
 from imu_allan.cli.dask_cluster import dask_client
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.fast_startup import start_quickly
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
-from imu_allan.quick_start import start_quickly
 
 if TYPE_CHECKING:
     from imu_allan.result import Result

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.errors import brief
 from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.chi_square import NORMAL95

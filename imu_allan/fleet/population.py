@@ -9,7 +9,7 @@ from math import exp, log, sqrt
 from statistics import median, median_high
 
 from imu_allan.arrays import Array
-from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects

@@ -11,7 +11,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the node until its duration is over or it is asked to stop; return the exit status."""
     # End quietly on an interrupt until the node handles signals itself.
     with quiet_interrupt():
-        from imu_allan.quick_start import start_quickly
+        from imu_allan.fast_startup import start_quickly
         start_quickly()
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process

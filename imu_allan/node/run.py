@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.halves import united
+from imu_allan.characterization.separate_gyro_and_accel import united
 from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
@@ -20,7 +20,7 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.shown_terms import rest_s, ShownTerms
 from imu_allan.node.standards import DatasheetLooks
-from imu_allan.recordings.same_recording import Seen
+from imu_allan.recordings.repeated_messages import Seen
 from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of

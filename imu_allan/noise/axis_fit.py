@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
-from imu_allan.noise.posterior.change import Change, change_of, STEADY
 from imu_allan.noise.posterior.estimates import expected, fitted_trend
-from imu_allan.noise.posterior.parts import random_walk_persists
+from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
+from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
 from imu_allan.noise.posterior.trend_search import (

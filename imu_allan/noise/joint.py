@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.noise.posterior.parts import random_walk_persists
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
+from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
 from imu_allan.result import TemperatureDependence, Tone, Trend

@@ -20,9 +20,9 @@ from math import gamma
 from operator import index
 from typing import Any
 
-from imu_allan.arguments import positive_number, real, shown
+from imu_allan.argument_checks import positive_number, real, shown
 from imu_allan.arrays import Array
-from imu_allan.noise.process_means import on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft

@@ -16,7 +16,7 @@ walk reduce to elementary functions.
 """
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.process_means import mean_variance, on_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike

@@ -13,7 +13,7 @@ from enum import Enum
 from math import cos, gamma, log, pi, sqrt
 
 from imu_allan.arrays import Array
-from imu_allan.noise.process_means import rest_of_mean
+from imu_allan.noise.gauss_markov_means import rest_of_mean
 from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import ArrayLike

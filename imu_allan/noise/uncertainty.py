@@ -13,8 +13,8 @@ from dataclasses import replace
 from math import exp, inf, log, sqrt
 
 from imu_allan.arrays import Array
+from imu_allan.noise.allan_deviation import interval, Octaves
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.curve import interval, Octaves
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.posterior.shapes import taken_by_mean
 from imu_allan.noise.terms import SLOW_TERMS, TERMS

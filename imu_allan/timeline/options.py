@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from imu_allan.arguments import positive_number
+from imu_allan.argument_checks import positive_number
 
 RATE_TOLERANCE = 0.02
 """Rates that differ by a larger share are different: a stated rate may be rounded, and a clock

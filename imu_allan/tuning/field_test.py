@@ -14,12 +14,12 @@ the shape of its drift.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from imu_allan.arguments import drift_model_of
+from imu_allan.argument_checks import drift_model_of
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import MISFIT
+from imu_allan.noise.gauss_markov_means import dct_power
 from imu_allan.noise.posterior.maximum import maximise, Solution
-from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.groups import grouped, Groups, RANDOM_WALK, WHITE
 from imu_allan.noise.record.periodogram import SHORTEST, SpectrumSection

@@ -12,10 +12,10 @@ independent segments of that length give a variance, and how much the drift chan
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.arguments import drift_model_of, positive_time, positive_times
+from imu_allan.argument_checks import drift_model_of, positive_time, positive_times
 from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.process_means import mean_variance, on_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power, Quantity
 from imu_allan.result import AxisResult, DriftModel, Interval
 from imu_allan.tuning.uncertainty import hidden_variance, spread_of_forecast

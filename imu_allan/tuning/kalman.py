@@ -10,7 +10,7 @@ arrays, whether one filter runs or twenty.
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
-from imu_allan.arguments import drift_model_of
+from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
 from imu_allan.result import AxisResult
 from imu_allan.tuning.state_space import space_of, StateSpace

@@ -12,11 +12,11 @@ A^2/2 sinc^2.
 
 from dataclasses import dataclass, replace
 
-from imu_allan.arguments import drift_model_of, positive_time
+from imu_allan.argument_checks import drift_model_of, positive_time
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.process_means import on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, DriftModel, Tone
 import numpy as np

@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from imu_allan.arguments import drift_model_of, positive_number, positive_time
+from imu_allan.argument_checks import drift_model_of, positive_number, positive_time
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.state_space import above_band

@@ -5,11 +5,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from imu_allan.arguments import drift_model_of
+from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.process_means import mean_variance, on_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Interval

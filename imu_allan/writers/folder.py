@@ -96,7 +96,7 @@ def comparison_files(results: Mapping[str, Result], formats: Sequence[str] = plo
     """Return ``comparison.html`` and ``comparison.FORMAT``, of many results as a population."""
     from imu_allan.writers.fleet import Fleet
     from imu_allan.writers.fleet.figure import curves_figure
-    from imu_allan.writers.fleet.written import fleet_html
+    from imu_allan.writers.fleet.page import fleet_html
     from imu_allan.writers.report import comparison_html
 
     fleet, title = Fleet(results), f'{len(results)} results compared'

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import pi
 
 from imu_allan import wording
-from imu_allan.characterization.mean import error_of_mean
+from imu_allan.characterization.accuracy_of_mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.result import AxisResult, Coefficient, Result

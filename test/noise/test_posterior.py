@@ -13,7 +13,7 @@ from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.non_negative import non_negative
-from imu_allan.noise.posterior.prepared import prepared
+from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import mean, regressors
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import FLICKER, grouped, RANDOM_WALK, WHITE

@@ -6,7 +6,7 @@ from battery.bounds import reference_widths
 from battery.sensors import Sensor
 from characterized import B, characterized, ends, holds, K, N, several, simulated
 from imu_allan.characterization.axis import characterize
-from imu_allan.noise.curve import edf
+from imu_allan.noise.allan_deviation import edf
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import power_law_avar

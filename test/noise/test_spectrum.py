@@ -6,7 +6,7 @@ from decimal import Decimal, localcontext
 
 from imu_allan.noise import spectrum, terms
 from imu_allan.noise.fitted_model import FittedModel
-from imu_allan.noise.process_means import dct_power, mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import dct_power, mean_variance, on_mean, rest_of_mean
 from imu_allan.noise.simulate import MarkovBank, NoiseStream, simulate
 from imu_allan.result import GaussMarkov
 import numpy as np

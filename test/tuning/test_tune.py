@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from exact_results import axis_of, FLICKER
 import imu_allan
-from imu_allan.arguments import LONGEST_S, SHORTEST_S
+from imu_allan.argument_checks import LONGEST_S, SHORTEST_S
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone

@@ -14,8 +14,9 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
 from imu_allan.writers.fleet import Failure, Fleet, population_table
+from imu_allan.writers.fleet.files import fleet_csv, fleet_json
 from imu_allan.writers.fleet.outlier_sentences import sentence
-from imu_allan.writers.fleet.written import fleet_csv, fleet_html, fleet_json
+from imu_allan.writers.fleet.page import fleet_html
 import numpy as np
 from on_terminal import shown
 import pytest

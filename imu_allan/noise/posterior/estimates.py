@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools
-from imu_allan.noise.posterior.judgments import CERTAIN_RAMP, OBSERVABLE, REPORTED, WIDEST
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     B,
@@ -33,6 +32,12 @@ from imu_allan.noise.posterior.shapes import (
     FREE_SHAPES,
     TERM_SHAPES,
     WHITE,
+)
+from imu_allan.noise.posterior.thresholds_and_priors import (
+    CERTAIN_RAMP,
+    OBSERVABLE,
+    REPORTED,
+    WIDEST,
 )
 from imu_allan.noise.posterior.trend_search import TrendKind, waveforms
 from imu_allan.noise.terms import TERMS

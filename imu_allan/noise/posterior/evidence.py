@@ -13,7 +13,6 @@ E. Kass and A. E. Raftery, JASA 90 (1995): Laplace's method.
 from dataclasses import replace
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.posterior.judgments import LEAST_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
     batches,
@@ -28,6 +27,7 @@ from imu_allan.noise.posterior.likelihood import (
     spectrum,
 )
 from imu_allan.noise.posterior.shapes import cubic
+from imu_allan.noise.posterior.thresholds_and_priors import LEAST_KNOWN
 import numpy as np
 
 _LONGEST = np.full(SLOTS, 0.5)

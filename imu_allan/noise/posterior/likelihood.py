@@ -20,14 +20,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.posterior.judgments import (
-    EXPONENT_ODDS,
-    EXPONENT_SPREAD,
-    PER_HALF_OCTAVE,
-    TOP,
-    UNSEEN_LEVEL,
-    WITHOUT_FLICKER,
-)
 from imu_allan.noise.posterior.regression import mean, regressors, residual_power
 from imu_allan.noise.posterior.shapes import (
     cubic,
@@ -37,6 +29,14 @@ from imu_allan.noise.posterior.shapes import (
     Table,
     Tables,
     TERM_SHAPES,
+)
+from imu_allan.noise.posterior.thresholds_and_priors import (
+    EXPONENT_ODDS,
+    EXPONENT_SPREAD,
+    PER_HALF_OCTAVE,
+    TOP,
+    UNSEEN_LEVEL,
+    WITHOUT_FLICKER,
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
-from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.draws import Draws, sample
 from imu_allan.noise.posterior.evidence import maximise_rows
-from imu_allan.noise.posterior.judgments import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
+from imu_allan.noise.posterior.level_change import Change, STEADY
 from imu_allan.noise.posterior.likelihood import (
     fitted_mean,
     half_octaves,
@@ -28,10 +27,11 @@ from imu_allan.noise.posterior.likelihood import (
     Spectra,
     spectrum,
 )
-from imu_allan.noise.posterior.prepared import prepared
+from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import best_of, fast_ends, KEPT, search_models
 from imu_allan.noise.posterior.shapes import cubic
+from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 from imu_allan.noise.posterior.trend_search import (
     Bank,
     fit_trends,

@@ -25,14 +25,14 @@ from imu_allan.noise.posterior.estimates import (
     weight_of,
     window_of,
 )
-from imu_allan.noise.posterior.judgments import (
+from imu_allan.noise.posterior.posterior import Posterior
+from imu_allan.noise.posterior.thresholds_and_priors import (
     DESCRIBED,
     LEAST_DESCRIBED,
     OBSERVABLE,
     REPORTED,
     TOLERATED_MISFIT,
 )
-from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature_series import TemperatureSeries

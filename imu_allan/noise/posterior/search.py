@@ -32,7 +32,7 @@ from imu_allan.noise.posterior.likelihood import (
     structure_prior,
     TIME,
 )
-from imu_allan.noise.posterior.prepared import Start
+from imu_allan.noise.posterior.prepared_spectra import Start
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, LOW_PASSES
 import numpy as np
 

@@ -27,7 +27,7 @@ from imu_allan.noise.posterior.likelihood import (
     spectrum,
     TIME,
 )
-from imu_allan.noise.posterior.prepared import Start
+from imu_allan.noise.posterior.prepared_spectra import Start
 from imu_allan.noise.posterior.search import FAST, Model, of_axis, rows_of
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.leakage import Waveform

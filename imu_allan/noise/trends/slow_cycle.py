@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
-from imu_allan.noise.posterior.prepared import smoothed
+from imu_allan.noise.posterior.prepared_spectra import smoothed
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins

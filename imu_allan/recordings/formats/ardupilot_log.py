@@ -22,7 +22,7 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import (
+from imu_allan.recordings.formats.autopilot_log import (
     has_temperature,
     lacking,
     Records,

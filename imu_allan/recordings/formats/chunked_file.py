@@ -15,7 +15,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import DamagedData, LARGEST_CHUNK, ReadingLimits
-from imu_allan.recordings.formats.gather import in_lists
+from imu_allan.recordings.formats.mcap_messages import in_lists
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES

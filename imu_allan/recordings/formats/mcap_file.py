@@ -38,7 +38,7 @@ from imu_allan.recordings.formats.decompress import (
     ReadingLimits,
     unpacked,
 )
-from imu_allan.recordings.formats.gather import gather, OPCODE_LENGTH, RECORD_HEAD
+from imu_allan.recordings.formats.mcap_messages import gather, OPCODE_LENGTH, RECORD_HEAD
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
 from mcap.data_stream import ReadDataStream

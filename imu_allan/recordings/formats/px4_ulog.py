@@ -21,7 +21,7 @@ import re
 from struct import Struct
 from typing import Any
 
-from imu_allan.recordings.formats.table import (
+from imu_allan.recordings.formats.autopilot_log import (
     has_temperature,
     lacking,
     Records,

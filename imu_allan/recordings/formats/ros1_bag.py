@@ -30,7 +30,7 @@ from imu_allan.recordings.formats.chunked_file import (
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
-from imu_allan.recordings.formats.gather import anywhere, collect
+from imu_allan.recordings.formats.mcap_messages import anywhere, collect
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
 

@@ -13,10 +13,10 @@ A consumer with one value per sensor gets that of the worst axis; comments give 
 """
 
 from imu_allan.result import Result
-from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.filters.chosen_numbers import ExportOptions, Numbers
 from imu_allan.writers.filters.structured import WRITERS
 from imu_allan.writers.filters.template import filled
+from imu_allan.writers.supported_filters import CONSUMERS
 
 __all__ = ['CONSUMERS', 'ExportOptions', 'export']
 

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import get_args, Literal
 
-from imu_allan.arguments import positive_number, positive_time
+from imu_allan.argument_checks import positive_number, positive_time
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import upper_bound
-from imu_allan.writers.consumers import CONSUMERS
 from imu_allan.writers.curves import axes_of
+from imu_allan.writers.supported_filters import CONSUMERS
 
 Key = Literal['N', 'K', 'sigma', 'Tc']
 Sensor = Literal['accel', 'gyro']

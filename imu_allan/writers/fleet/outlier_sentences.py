@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A fleet and its reported data, with its findings as sentences."""
+"""A fleet as its outputs show it: for each outlier the reason, as a sentence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -8,7 +8,7 @@ from itertools import pairwise
 from characterized import B, ends, K, N, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
-from imu_allan.noise.curve import octaves
+from imu_allan.noise.allan_deviation import octaves
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.part_of_record import Part

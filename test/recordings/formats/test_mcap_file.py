@@ -12,7 +12,7 @@ from bags import assert_same, block, chunk_starts, figures, read, said, serializ
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.formats.decompress import ReadingLimits
-from imu_allan.recordings.formats.gather import gather, in_lists
+from imu_allan.recordings.formats.mcap_messages import gather, in_lists
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType

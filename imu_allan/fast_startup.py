@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a process spares itself that may have done its work within a second."""
+"""Faster start and end of a process that may have done its work within a second."""
 
 import atexit
 import gc

@@ -18,7 +18,11 @@ from functools import lru_cache
 
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.draws import evenly
-from imu_allan.noise.posterior.judgments import CHANGE_MEDIAN, CHANGE_SPREAD, STEADY_LEVEL
+from imu_allan.noise.posterior.thresholds_and_priors import (
+    CHANGE_MEDIAN,
+    CHANGE_SPREAD,
+    STEADY_LEVEL,
+)
 import numpy as np
 from scipy.special import ndtri
 

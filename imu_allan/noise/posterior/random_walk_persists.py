@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.posterior.evidence import maximise_rows
-from imu_allan.noise.posterior.judgments import UNEVEN
 from imu_allan.noise.posterior.likelihood import B, K, LAW, N, PLAIN, spectrum
 from imu_allan.noise.posterior.posterior import Posterior
-from imu_allan.noise.posterior.prepared import prepared
+from imu_allan.noise.posterior.prepared_spectra import prepared
+from imu_allan.noise.posterior.thresholds_and_priors import UNEVEN
 from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 

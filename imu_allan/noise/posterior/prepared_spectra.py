@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array
-from imu_allan.noise.posterior.judgments import LEAK_KNOWN
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     AMPLITUDES,
@@ -26,6 +25,7 @@ from imu_allan.noise.posterior.shapes import (
     tables,
     TERM_SHAPES,
 )
+from imu_allan.noise.posterior.thresholds_and_priors import LEAK_KNOWN
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 

@@ -6,7 +6,7 @@ import allantools
 from characterized import B, K, N, shown
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import chi_square, spectrum
-from imu_allan.noise.curve import edf, interval, octaves
+from imu_allan.noise.allan_deviation import edf, interval, octaves
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 import numpy as np
