@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node import shown_terms
-from imu_allan.node.results import FIT_GROWTH
+from imu_allan.node.fitting import FIT_GROWTH
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Result

@@ -41,6 +41,7 @@ class Announcements:
         self._topic = topic
         self._reported: dict[str, bool] = {}
         self._overrun = False
+        self._silence = ''
         self._levels: dict[str, str] = {}
         self.begin_run()
 
@@ -63,6 +64,13 @@ class Announcements:
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
             self._log.info(f'messages come on {self._topic} again after {facts.pause_s:.0f} s '
                            'without', f'pause {self._topic}')
+        why = facts.silence_why
+        if why is None:
+            self._silence = ''
+        elif why != self._silence and self._log.warning(
+                f'no message on {self._topic} for {facts.silent_s:.0f} s{why}',
+                f'silence {self._topic}'):
+            self._silence = why
 
     def _see(self, conditions: Sequence[Condition]) -> None:
         """Report conditions that begin, and the end of those whose beginning was reported."""

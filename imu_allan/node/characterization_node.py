@@ -12,29 +12,23 @@ the executor's thread; should one escape nevertheless, `serve` saves first.
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
-from dataclasses import replace
-from math import ceil
 from threading import RLock
 import time
 from typing import Any
 
 from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.node.announcements import Announcements
 from imu_allan.node.callers import Callers, REQUESTS
 from imu_allan.node.checkpoint import UnusableState
-from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import DrainedSubscription
-from imu_allan.node.imu_type import decoder, message_class
+from imu_allan.node.fitting import Fitting
 from imu_allan.node.interface import SETTINGS, TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.publications import Publications
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
-from imu_allan.node.reception import Reception
+from imu_allan.node.reception import QUEUE_MESSAGES, Reception
 from imu_allan.node.reports import Reports
-from imu_allan.node.results import Results
 from imu_allan.node.run import Run, Setup
 from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
@@ -52,8 +46,6 @@ from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-QUEUE_MESSAGES = 10_000
-"""The queue holds at least this many messages: 2 s of an IMU at 5 kHz."""
 TICK_S = 0.5
 """Time between ticks: a fifth of what the queue holds, so that late ticks lose nothing. Shorter
 ones wake up needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
@@ -85,20 +77,21 @@ class CharacterizationNode(AnyExecutorNode):
         # complain at every line.
         alone = get_logger(self.get_fully_qualified_name())
         self._log = Log(lambda: self.get_logger() if self.context.ok() else alone)
-        values = declare(self, SETTINGS, self._apply)
+        self._values = values = declare(self, SETTINGS, self._applied)
         warn_of_unknown(self)
         if reason := _reason_against(values['aiding_interval'], values['coast']):
             raise ImuAllanError(f'parameter {reason}')
 
-        self._receptions = [self._reception(topic, half, values)
+        self._receptions = [Reception(self, self._log, topic, half, values)
                             for topic, half in _topics(values)]
-        subscribed = [reception.subscription.topic for reception in self._receptions]
+        subscribed = [reception.facts.topic for reception in self._receptions]
         if len(set(subscribed)) < len(subscribed):
             raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
         self._facts, name = self._receptions[0].facts, self.get_fully_qualified_name()
         self._publications = Publications(self)
         self._worker = Worker(self._log)
-        self._results = Results(name, self._publications, self._worker, self._facts,
+        self._facts.errors = self._worker.errors
+        self._fitting = Fitting(name, self._publications, self._worker, self._facts,
                                 self._receptions[0].announcements, values)
         self.add_on_set_parameters_callback(self._check)
         self._setup = Setup(
@@ -117,7 +110,7 @@ class CharacterizationNode(AnyExecutorNode):
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
-                          lambda: min(LOOK_S, self._storage.checkpoint_period / 2),
+                          lambda: min(LOOK_S, values['checkpoint_period'] / 2),
                           self._leave, self._log,
                           lambda number: self._receptions[number].subscription.publisher_gids())
 
@@ -132,7 +125,7 @@ class CharacterizationNode(AnyExecutorNode):
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
         if self._storage.has_resumed:
-            self._results.fit(self._run)
+            self._fitting.fit(self._run)
         self._storage.try_output()
         self._last_tick = now
         # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
@@ -169,28 +162,6 @@ class CharacterizationNode(AnyExecutorNode):
         self.finish()
         super().destroy_node()
 
-    def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
-        expected = 0.0 if half == 'accel' else values['expected_rate']
-        # 2.5 s of samples, which late ticks do not exceed.
-        queue = max(QUEUE_MESSAGES, ceil(2.5 * expected))
-        parameter = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
-        kind = values[parameter]
-        # Those of the other sensor are not in these messages.
-        fields = [values[f'{part}_field'] if half is None or part in (half, 'stamp') else ''
-                  for part in ('gyro', 'accel', 'stamp')]
-        try:
-            decode = decoder(kind, *fields, gyro_unit=values['gyro_unit'],
-                             accel_unit=values['accel_unit'])
-        except ImuAllanError as error:
-            # One of a field or unit begins with the name of its own parameter.
-            named = str(error).partition(' ')[0] in values
-            raise ImuAllanError(f'parameter {error}' if named else
-                                f'parameter {parameter}: {error}') from error
-        subscription = DrainedSubscription(self, message_class(kind), topic, queue,
-                                           f'{half}_topic')
-        facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)
-        return Reception(subscription, facts, decode, Announcements(self._log, facts.topic))
-
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
         """Refuse inconsistent values set together; one set alone may precede the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
@@ -198,20 +169,14 @@ class CharacterizationNode(AnyExecutorNode):
                   if {'aiding_interval', 'coast'} <= given.keys() else '')
         return SetParametersResult(successful=not reason, reason=reason)
 
-    def _apply(self, name: str, value: Any) -> None:
-        results, storage = self._results, self._storage
-        with self._lock:
-            if name == 'publish_period':
-                results.publish_every(value)
-            elif name in ('output_dir', 'checkpoint_period', 'export_for'):
-                setattr(storage, name, value)
-                if name == 'output_dir':
-                    storage.try_output()
-            elif name in ('aiding_interval', 'coast'):
-                filter_of = results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
-                if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
-                    self._log.warning(f'{reason}: filter_random_walk is NaN until they fit',
-                                      'filter')
+    def _applied(self, name: str) -> None:
+        """Do what a changed parameter demands besides being read the next time."""
+        if name == 'output_dir':
+            with self._lock:
+                self._storage.try_output()
+        elif name in ('aiding_interval', 'coast') and (reason := _reason_against(
+                self._values['aiding_interval'], self._values['coast'])):
+            self._log.warning(f'{reason}: filter_random_walk is NaN until they fit', 'filter')
 
     # -- one tick: take samples, start what is due, deliver what is finished ---------------------
 
@@ -232,15 +197,15 @@ class CharacterizationNode(AnyExecutorNode):
             now = time.monotonic()
             count = self._catch_up(now)
             self._worker.hand_out()
-            if self._results.due(now):
-                self._results.publish_or_fit(now, self._run, max(
+            if self._fitting.due(now):
+                self._fitting.publish_or_fit(now, self._run, max(
                     reception.last_message for reception in self._receptions))
             if self._storage.checkpoint_due(now, self._run):
                 self._storage.checkpoint(self._run)
             if self._reports.due(now):
                 self._thermometer.look_beside()
-                self._reports.report(now, self._run, self._results.latest)
-                self._results.draw_if_watched(self._run)
+                self._reports.report(now, self._run, self._fitting.latest)
+                self._fitting.draw_if_watched(self._run)
             elapsed_s, self._last_tick = now - self._last_tick, now
         # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
         quarter_s = elapsed_s * (QUEUE_MESSAGES // 4) / max(count, 1)
@@ -277,7 +242,7 @@ class CharacterizationNode(AnyExecutorNode):
         self._forget_run()
 
     def _forget_run(self) -> None:
-        self._results.begin_run()
+        self._fitting.begin_run()
         for reception in self._receptions:
             reception.announcements.begin_run()
 
@@ -301,7 +266,7 @@ class CharacterizationNode(AnyExecutorNode):
             self._runs.begin_anew()
             self._forget_run()
             self._facts.resumed, self._storage.has_resumed = '', False
-            self._results.fit(self._run)
+            self._fitting.fit(self._run)
             future = self._storage.checkpoint(self._run)
         response.success, response.message = True, 'a new run has begun'
         failure = None if future is None else await self._failure(future)
@@ -360,13 +325,13 @@ class CharacterizationNode(AnyExecutorNode):
                          or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
                 lambda: self._storage.save_files_at_end(self._run),
                 # Nothing is published any more, but the outcome of writing files is logged.
-                lambda: self._worker.finish({'save', 'checkpoint', 'aside'}))]
-            if (result := self._storage.saved_of(self._run) or self._results.latest) is not None:
-                of = self._results.filter_of
-                for line in closing_lines(result, of.aiding_interval_s, of.coast_s):
+                lambda: self._worker.finish({'save', 'checkpoint'}))]
+            if (result := self._storage.saved_of(self._run) or self._fitting.latest) is not None:
+                for line in closing_lines(result, self._values['aiding_interval'],
+                                          self._values['coast']):
                     self._log.info(line)
             self._storage.close(is_over=all(done))
-            return all(done) and not self._facts.save_error
+            return all(done) and not self._worker.errors.get('save')
 
     def _attempt(self, step: Callable[[], object]) -> bool:
         try:

@@ -85,7 +85,6 @@ class Facts:
     topic: str
     queue: int
     expected_rate: float  # Hz; 0 if unknown
-    state_file: str  # empty if none is kept
     half: str | None = None  # the sensor on the topic, if it carries only one
     received: int = 0
     lost: int = 0
@@ -102,6 +101,7 @@ class Facts:
     refused: list[str] = field(default_factory=list)  # why publishers are not matched
     namesakes: int = 0  # other nodes of the same name
     silent_s: float = 0.0  # since the last message, or since the wait for the first one began
+    silence_why: str | None = None  # how the log explains it; None before it is worth a line
     pause_s: float = 0.0  # longest pause before a message, since the last report
     received_hz: float = 0.0  # recent
     cpu_s: float | None = None  # recent CPU time of the whole process per message
@@ -109,11 +109,9 @@ class Facts:
     paused: bool = False
     on_probation: bool = False  # messages are held back until they show which IMU they are from
     fit_s: float | None = None
-    fit_error: str = ''  # like the other errors: of the last attempt, empty if it succeeded
     update_error: str = ''  # why the latest samples cannot be used
-    save_error: str = ''
-    checkpoint_error: str = ''
-    output_error: str = ''  # of the check of the output folder
+    errors: Mapping[str, str] = field(default_factory=dict)  # those of the `Worker`
+    state_file: str = ''  # empty if none is kept
     checkpointed_at: float | None = None  # by the monotonic clock
     resumed: str = ''  # what became of the state file at the start
     timeline: Timeline | None = None  # at the last look
@@ -290,9 +288,8 @@ def _rate(summary: TimelineSummary) -> float | None:
 
 def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
     """Return the totals of faults whose increase is a warning."""
-    timeline = summary.timeline
-    return {'missing': timeline.missing, 'duplicates': timeline.duplicates,
-            'out_of_order': timeline.out_of_order, 'rejected': timeline.rejected,
+    return {**{key: getattr(summary.timeline, key)
+               for key in ('missing', 'duplicates', 'out_of_order', 'rejected')},
             'unusable': unusable(summary), 'clock_jumps': summary.clock_jumps}
 
 
@@ -304,24 +301,20 @@ def unusable(summary: TimelineSummary) -> int:
 
 
 def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:
-    timeline = summary.timeline
-    return {'rate_hz': summary.measured_rate_hz, 'jitter_s': summary.jitter_s,
-            'clock': summary.clock, 'frame_id': summary.frame_id, 'samples': timeline.samples,
-            'duration_s': timeline.duration_s, 'missing': timeline.missing,
-            'interpolated': summary.interpolated, 'gaps': summary.gaps,
-            'longest_gap_s': summary.longest_gap_s,
-            'duplicates': timeline.duplicates, 'out_of_order': timeline.out_of_order,
-            'rejected': timeline.rejected, 'clock_jumps': summary.clock_jumps,
-            'header_repeats': summary.header_repeats, 'moving': summary.moving,
-            'header_backward': summary.header_backward,
-            'motion_excluded_s': summary.excluded_s,
-            'rest_s': rest_s(timeline, summary.excluded_s),
-            'expected_rate_hz': facts.expected_rate or None}
+    known = {**vars(summary.timeline), **vars(summary), 'rate_hz': summary.measured_rate_hz,
+             'motion_excluded_s': summary.excluded_s,
+             'rest_s': rest_s(summary.timeline, summary.excluded_s),
+             'expected_rate_hz': facts.expected_rate or None}
+    return {key: known[key] for key in (
+        'rate_hz', 'jitter_s', 'clock', 'frame_id', 'samples', 'duration_s', 'missing',
+        'interpolated', 'gaps', 'longest_gap_s', 'duplicates', 'out_of_order', 'rejected',
+        'clock_jumps', 'header_repeats', 'moving', 'header_backward', 'motion_excluded_s',
+        'rest_s', 'expected_rate_hz')}
 
 
 def _estimation_status(facts: Facts, result: Result | None) -> Status:
-    if facts.fit_error:
-        return ERROR, facts.fit_error
+    if error := facts.errors.get('fit'):
+        return ERROR, error
     if result is None or not result.axes:
         return OK, 'no result yet'
     bad = [message_of(remark, live=True) for remark in result.warnings
@@ -355,9 +348,9 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
 
 
 def _storage_status(facts: Facts) -> Status:
-    error = facts.checkpoint_error or facts.save_error or facts.output_error
-    if error:
-        return ERROR, error
+    for kind in 'checkpoint', 'save', 'output_dir':
+        if error := facts.errors.get(kind):
+            return ERROR, error
     if not facts.state_file:
         return OK, 'no state file: a crash or a reboot begins a new run'
     return OK, facts.resumed or 'a new run'

@@ -23,8 +23,8 @@ from rclpy.parameter import Parameter
 
 
 def declare(node: Node, settings: Sequence[Setting],
-            applied: Callable[[str, Any], None]) -> dict[str, Any]:
-    """Declare `settings` and return their values; check later changes and call `applied`."""
+            applied: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
+    """Declare `settings`; return their values, which follow changes that pass the checks."""
     known = {setting.name: setting for setting in settings}
 
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
@@ -32,18 +32,20 @@ def declare(node: Node, settings: Sequence[Setting],
             if parameter.name in known:
                 setting = known[parameter.name]
                 reason = setting.reason_against(parameter.value)
-                if not reason and setting.below_start and setting.name in values:
-                    reason = _leads_out(setting.name, parameter.value, values[setting.name])
+                if not reason and setting.below_start and setting.name in start:
+                    reason = _leads_out(setting.name, parameter.value, start[setting.name])
                 if reason:
                     return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
     def apply(parameters: Iterable[Parameter]) -> None:
-        for parameter in parameters:
-            if parameter.name in known:
-                applied(parameter.name, parameter.value)
+        changed = {one.name: one.value for one in parameters if one.name in known}
+        values.update(changed)
+        for name in changed:
+            applied(name)
 
     values: dict[str, Any] = {}
+    start: dict[str, Any] = {}
     node.add_on_set_parameters_callback(check)
     for setting in settings:
         default = setting.default
@@ -63,6 +65,7 @@ def declare(node: Node, settings: Sequence[Setting],
             # rclpy appends the name to the reason once more.
             reason = reason.removesuffix(f': {setting.name}').removeprefix(f'{setting.name}: ')
             raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
+    start.update(values)
     node.add_post_set_parameters_callback(apply)
     return values
 

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 import time
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
-from imu_allan.node.interface import TOPIC
+from imu_allan.node.diagnostics import diagnostics_message, timeline_counts
 from imu_allan.node.log import Log
 from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
 from imu_allan.node.run import Lane, Run, useless
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import counted
 from rclpy.node import Node
 
 REPORT_S = 1.0
@@ -42,12 +40,12 @@ class Reports:
     def report(self, now: float, run: Run, result: Result | None) -> None:
         """Update the facts, write the log, and publish."""
         cpu = time.process_time()
-        received = sum(reception.facts.received - reception.reported
-                       for reception in self._receptions)
+        received = sum([reception.look(now, now - self._last) for reception in self._receptions])
         for reception in self._receptions:
-            self._see_reception(now, reception)
             if received:
                 reception.facts.cpu_s = (cpu - self._last_cpu) / received
+            reception.announcements.see_reception(reception.facts)
+            reception.facts.pause_s = 0.0
         self._last, self._last_cpu = now, cpu
         facts = self._receptions[0].facts
         self._receptions[0].announcements.see_progress(now, facts, result)
@@ -67,30 +65,6 @@ class Reports:
                 for reception in self._receptions:
                     reception.facts.longest_hold_s = 0.0
 
-    def _see_reception(self, now: float, reception: Reception) -> None:
-        facts, subscription = reception.facts, reception.subscription
-        facts.publishers = reception.publishers()
-        facts.silent_s = now - reception.last_message
-        facts.received_hz = (facts.received - reception.reported) / (now - self._last)
-        reception.reported = facts.received
-        if not facts.publishers:
-            facts.refused = subscription.refused_publishers()
-        facts.publisher_names = subscription.publisher_names() if facts.publishers > 1 else []
-        facts.recent.see(now, {'lost': facts.lost, 'malformed': facts.malformed,
-                               'overrun': facts.overrun})
-        reception.announcements.see_reception(facts)
-        facts.pause_s = 0.0
-        # Longer than a Wi-Fi dropout, yet short enough to notice a dead sensor early. Chosen by
-        # judgment.
-        if facts.silent_s <= 5.0:
-            reception.complaint = ''
-        else:
-            cause = self._cause_of_silence(facts, subscription.type_name)
-            if cause != reception.complaint and self._log.warning(
-                    f'no message on {facts.topic} for {facts.silent_s:.0f} s{cause}',
-                    f'silence {facts.topic}'):
-                reception.complaint = cause
-
     def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
         """Summarize the timeline, and log what has changed."""
         facts = reception.facts
@@ -108,18 +82,3 @@ class Reports:
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         reception.announcements.see_timeline(now, facts, summary)
         return summary
-
-    def _cause_of_silence(self, facts: Facts, type_name: str) -> str:
-        if facts.publishers:
-            return f', though it has {counted(facts.publishers, "publisher")}'
-        if facts.refused:
-            return f'; {"; ".join(facts.refused)}'
-        kind = type_name.rpartition('/')[2]
-        others = [name for name, types in self._node.get_topic_names_and_types()
-                  if type_name in types and name != facts.topic and type_name in [
-                      one.topic_type for one in self._node.get_publishers_info_by_topic(name)]]
-        if others:
-            remedy = f'-p {facts.half}_topic' if facts.half else f'-r {TOPIC}'
-            return (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '
-                    f'--ros-args {remedy}:=TOPIC')
-        return f'; no node publishes {kind} messages'

@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 import json
 import math
 from typing import Any
@@ -35,17 +35,13 @@ VECTORS = (TUNED_TERM, *(topic for term in LASTING_TERMS for topic in (
 """Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
 
 
-@dataclass(frozen=True)
-class Filter:
-    """Aiding interval of a filter, and the longest time that it is unaided, in s."""
-
-    aiding_interval_s: float = 0.1
-    coast_s: float = 60.0
-
-
 def result_messages(result: Result, node_name: str, stamp: Time,
-                    filter_of: Filter = Filter()) -> dict[str, Any]:
-    """Return all messages of a result by topic below ``~/``; unknown values are NaN."""
+                    aiding_s: float = 0.1, coast_s: float = 60.0) -> dict[str, Any]:
+    """
+    Return all messages of a result by topic below ``~/``; unknown values are NaN.
+
+    `aiding_s` and `coast_s` are the aiding interval of a filter and its longest unaided time.
+    """
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
     messages = {'result': String(data=document),
                 'coefficients': coefficients_message(result, node_name, stamp)}
@@ -53,7 +49,7 @@ def result_messages(result: Result, node_name: str, stamp: Time,
     for sensor in SENSORS:
         axes = {letter: result.axes[name] for letter in 'xyz'
                 if (name := f'{sensor}_{letter}') in result.axes}
-        numbers = {letter: _numbers(axis, filter_of) for letter, axis in axes.items()}
+        numbers = {letter: _numbers(axis, aiding_s, coast_s) for letter, axis in axes.items()}
         for topic in VECTORS:
             vector = Vector3(x=math.nan, y=math.nan, z=math.nan)
             for letter, found in numbers.items():
@@ -89,14 +85,13 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     return array
 
 
-def _numbers(axis: AxisResult, filter_of: Filter) -> dict[str, float | None]:
+def _numbers(axis: AxisResult, aiding_s: float, coast_s: float) -> dict[str, float | None]:
     """Return the components of an axis in the vectors of its sensor, by topic."""
     numbers: dict[str, float | None] = {TUNED_TERM: None}
     if axis.coefficients['noise_density'].observable:
         # Without a drift model, or noise, the status of the axis says why there is none.
         with suppress(ImuAllanError):
-            numbers[TUNED_TERM] = tune(
-                axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
+            numbers[TUNED_TERM] = tune(axis, aiding_s, coast_s).random_walk
     for term in LASTING_TERMS:
         found = axis.coefficients[term]
         numbers[term] = found.value

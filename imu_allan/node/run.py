@@ -38,29 +38,23 @@ class LaneSnapshot(NamedTuple):
     remarks: Sequence[Finding]
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """Everything that a run has taken in up to a moment."""
+class Fitted(NamedTuple):
+    """The result of a run in the form that all outputs show, and what else its fit gives."""
 
-    lanes: tuple[LaneSnapshot, ...]
+    result: Result
+    fits: Fits  # by axis
+    clocks: list[str | None]  # of each lane
 
-    def fitted(self) -> tuple[list[Result], Fits]:
-        """Fit each lane; return results, and fits by axis."""
-        results, fits = [], {}
-        for characterization, half, remarks in self.lanes:
-            result, found = characterization.fitted(remarks)
-            results.append(result)
-            fits.update({name: fit for name, fit in found.items() if name.startswith(half or '')})
-        return results, fits
 
-    def as_one(self, results: Sequence[Result]) -> Result:
-        """Join the results of the lanes, in the form that all outputs show."""
-        return with_words(united([
-            (lane.half, result) for lane, result in zip(self.lanes, results, strict=True)]))
-
-    def result(self) -> Result:
-        """Fit the snapshot and return the joint result."""
-        return self.as_one(self.fitted()[0])
+def fitted(snapshot: Sequence[LaneSnapshot]) -> Fitted:
+    """Fit what the lanes of a run have taken in, and join the results."""
+    parts: list[tuple[Half | None, Result]] = []
+    fits: Fits = {}
+    for characterization, half, remarks in snapshot:
+        result, found = characterization.fitted(remarks)
+        parts.append((half, result))
+        fits.update({name: fit for name, fit in found.items() if name.startswith(half or '')})
+    return Fitted(with_words(united(parts)), fits, [result.source.clock for _, result in parts])
 
 
 @dataclass(eq=False)
@@ -69,7 +63,7 @@ class Lane:
 
     characterization: Characterization
     half: Half | None = None
-    unit: AccelerationUnit | None = None
+    unit: AccelerationUnit = field(default_factory=AccelerationUnit)
     known: Known = field(default_factory=Known)
     seen: Seen = field(default_factory=Seen)
     fed: int = 0
@@ -91,10 +85,9 @@ class Lane:
     def snapshot(self) -> LaneSnapshot:
         """Return an independent copy that includes the messages whose unit is still undecided."""
         copy = self.characterization.snapshot()
-        if self.unit is not None:
-            for block in self.unit.waiting:
-                self._pass_on(block, copy)
-        return LaneSnapshot(copy, self.half, [] if self.unit is None else self.unit.remarks)
+        for block in self.unit.waiting:
+            self._pass_on(block, copy)
+        return LaneSnapshot(copy, self.half, self.unit.remarks)
 
     def power_on(self) -> None:
         """Start a new power cycle, whose mean is separate from that of earlier samples."""
@@ -114,7 +107,7 @@ class Lane:
         for block in blocks:
             self.fed += len(block)
             self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
-            for known in [block] if self.unit is None else self.unit(block):
+            for known in self.unit(block):
                 self._pass_on(known, self.characterization)
         if not self.characterization.timeline.at_other_rate:
             self.taken_s = self.characterization.timeline.left_out_s
@@ -160,14 +153,9 @@ class Run:
         """Duration of its samples in s."""
         return max(lane.span_s for lane in self.lanes)
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> list[LaneSnapshot]:
         """Return an independent copy that another thread can fit."""
-        return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
-
-    def learn(self, results: Sequence[Result]) -> None:
-        """Keep what checks of the IMU need from a fit."""
-        for lane, result in zip(self.lanes, results, strict=True):
-            lane.known.learn(result.source)
+        return [lane.snapshot() for lane in self.lanes]
 
 
 def useless(error: ImuAllanError) -> str:
@@ -224,14 +212,10 @@ class _Saved(Record):
 
 def pack(run: Run, setup: Setup) -> State:
     """Return the state of a run as arrays to save."""
-    kept = []
-    for lane in run.lanes:
-        # Messages whose unit is undecided are not saved, so they must not count as seen.
-        waits = lane.unit is not None and lane.unit.waiting
-        kept.append(_Kept(lane.known, Seen() if waits else lane.seen,
-                          None if lane.unit is None else lane.unit.decision))
-    saved = _Saved(setup, boot_id(), run.shown_terms, kept, run.mark)
-    parts = {'run': state_of(saved)} | {
+    # Messages whose unit is undecided are not saved, so they must not count as seen.
+    kept = [_Kept(lane.known, Seen() if lane.unit.waiting else lane.seen, lane.unit.decision)
+            for lane in run.lanes]
+    parts = {'run': state_of(_Saved(setup, boot_id(), run.shown_terms, kept, run.mark))} | {
         f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
     return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
 
@@ -249,41 +233,40 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
         if before.options != setup.options:
             raise UnusableState('settings', 'it was made with other parameters '
                                 f'({_difference(before.options, setup.options)})')
-        lanes = [Lane(Characterization.from_state(part_of(state, f'lane{number}')), half,
-                      AccelerationUnit(kept.in_g) if setup.finds_unit else None, kept.known,
-                      kept.seen)
-                 for number, ((_, half), kept) in enumerate(
-                     zip(setup.streams, saved.lanes, strict=True))]
-        _go_on(lanes, setup, saved.boot)
+        run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
+        same_boot = bool(saved.boot) and saved.boot == boot_id()
+        for number, (lane, kept) in enumerate(zip(run.lanes, saved.lanes, strict=True)):
+            _resume(lane, kept, Characterization.from_state(part_of(state, f'lane{number}')),
+                    same_boot)
     except (ImuAllanError, KeyError) as error:
         raise UnusableState('damaged', f'a part is missing ({error})') from error
-    return Run(*lanes, shown_terms=saved.looks, mark=saved.mark)
+    return run
 
 
-def _go_on(lanes: list[Lane], setup: Setup, saved_boot: str) -> None:
-    """Separate the samples to come from those that were saved."""
-    boot = boot_id()
-    for number, lane in enumerate(lanes):
-        try:
-            if boot and boot == saved_boot:
-                # Unless its driver restarts, the IMU has stayed switched on.
-                lane.characterization.break_run()
-            else:
-                lane.characterization.power_on()
-                # Every driver is new after a boot and must not count as another power-on.
-                lane.known.publishers = []
-            usable = lane.characterization.summary().frame_id is not None
-        except ImuAllanError:
-            usable = False
-        if not usable:
-            lanes[number] = new_run(setup).lanes[number]
+def _resume(lane: Lane, kept: _Kept, characterization: Characterization, same_boot: bool) -> None:
+    """Let a new lane go on as the saved one, unless that has no usable samples."""
+    try:
+        if same_boot:
+            # Unless its driver restarts, the IMU has stayed switched on.
+            characterization.break_run()
+        else:
+            characterization.power_on()
+            # Every driver is new after a boot and must not count as another power-on.
+            kept.known.publishers = []
+        if characterization.summary().frame_id is None:
+            return
+    except ImuAllanError:
+        return
+    lane.characterization, lane.known, lane.seen = characterization, kept.known, kept.seen
+    if lane.unit.decision is None:
+        lane.unit = AccelerationUnit(kept.in_g)
 
 
-def new_run(setup: Setup) -> Run:
-    """Return a run without samples."""
+def new_run(setup: Setup, **kept: Any) -> Run:
+    """Return a run without samples; `kept` is what a resumed one has besides."""
     return Run(*(Lane(Characterization(kind='topic', topic=topic, options=setup.options),
-                      half=half, unit=AccelerationUnit() if setup.finds_unit else None)
-                 for topic, half in setup.streams))
+                      half, AccelerationUnit(None if setup.finds_unit else False))
+                 for topic, half in setup.streams), **kept)
 
 
 def boot_id() -> str:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
-from imu_allan.result import Source
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
@@ -72,13 +71,12 @@ class Known(Record):
                 and messages(self._recent[1:]) > 400)):
             self._recent.pop(0)
 
-    def learn(self, source: Source) -> None:
-        """Take the clock from the source of a result, and measure the rate until it is certain."""
-        if source.clock is None:
+    def learn(self, clock: str | None) -> None:
+        """Take over the clock that a fit has chosen; measure the rate until it is certain."""
+        if clock is None:
             return
-        if source.clock != self.clock:
-            self.is_sure = False
-        self.clock = source.clock
+        self.is_sure &= clock == self.clock
+        self.clock = clock
         if not self.is_sure and (rate := self.measured_hz(self._recent)):
             self.rate_hz = rate
             self.is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2

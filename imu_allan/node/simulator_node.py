@@ -42,8 +42,7 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        self._values = values = declare(
-            self, SIMULATOR_SETTINGS, lambda name, value: self._values.update({name: value}))
+        self._values = values = declare(self, SIMULATOR_SETTINGS)
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))

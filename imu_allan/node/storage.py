@@ -18,8 +18,8 @@ from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
-from imu_allan.node.worker import Worker
+from imu_allan.node.run import fitted, LaneSnapshot, new_run, pack, Run, Setup, unpack
+from imu_allan.node.worker import TooEarly, Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
@@ -48,17 +48,13 @@ def other_folders(state_file: Path | None) -> Iterator[str]:
         yield str(Path(tempfile.gettempdir()) / 'imu_allan')
 
 
-class NothingToSave(ImuAllanError):
-    """Raised if a result has no axes."""
-
-
 @dataclass
 class _NextSave:
     """The last save requested; `snapshot` is empty once the worker has begun it."""
 
     of: tuple[Run, str, list[str]]
     fed: int
-    snapshot: list[Snapshot]
+    snapshot: list[list[LaneSnapshot]]
     future: 'Future[list[Path]]'
 
     def holds(self, fed: int) -> bool:
@@ -80,9 +76,7 @@ class Storage:
         self._unasked = values['state_file'] == DEFAULT_STATE_FILE
         self._state_file = self._opened(values['state_file'])
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
-        self.output_dir: str = values['output_dir']
-        self.checkpoint_period: float = values['checkpoint_period']
-        self.export_for: list[str] = list(values['export_for'])
+        self._values = values
         self.has_resumed = False
         self._next_save: _NextSave | None = None
         self._saved: tuple[Run, Result] | None = None
@@ -142,7 +136,7 @@ class Storage:
         state_file = self._state_file
         if state_file is None:
             return
-        state = (pack(run, self._setup) if run.fed != run.checkpointed else None)
+        state = pack(run, self._setup) if run.fed != run.checkpointed else None
 
         def keep() -> tuple[Path, str]:
             unsaved = ''
@@ -154,19 +148,16 @@ class Storage:
                     unsaved = str(error)
             return state_file.keep_aside(why.reason), unsaved
 
-        def note(future: 'Future[tuple[Path, str]]') -> None:
-            self._facts.checkpoint_error = self._worker.failure('aside', future)
-            if self._facts.checkpoint_error:
-                return
-            aside, unsaved = future.result()
+        def note(kept: tuple[Path, str]) -> None:
+            aside, unsaved = kept
             self._note_aside(f'the one before cannot go on, {why}; its state', aside)
             if unsaved:
                 self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
-                self._facts.checkpoint_error = unsaved
+                self._worker.errors['checkpoint'] = unsaved
 
-        self._worker.start('aside', keep, note)
+        self._worker.start('checkpoint', keep, note)
         # The next run has to be on the disk at once.
-        self._last_checkpoint = time.monotonic() - self.checkpoint_period
+        self._last_checkpoint = time.monotonic() - self._values['checkpoint_period']
 
     def _note_aside(self, what: str, aside: Path) -> None:
         assert self._state_file is not None
@@ -178,7 +169,7 @@ class Storage:
 
     def checkpoint_due(self, now: float, run: Run) -> bool:
         """Return whether the state is to be written now."""
-        period = self.checkpoint_period
+        period = self._values['checkpoint_period']
         # Before the period ends, so that samples are on the disk within it.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
         return (self._state_file is not None and due and run.fed != run.checkpointed
@@ -193,11 +184,8 @@ class Storage:
         fed = run.fed
         state = pack(run, self._setup)
 
-        def note(future: 'Future[None]') -> None:
-            self._facts.checkpoint_error = self._worker.failure('checkpoint', future)
-            if not self._facts.checkpoint_error:
-                run.checkpointed = fed
-                self._facts.checkpointed_at = began
+        def note(_: None) -> None:
+            run.checkpointed, self._facts.checkpointed_at = fed, began
 
         return self._worker.start('checkpoint', lambda: state_file.save(state), note)
 
@@ -205,18 +193,13 @@ class Storage:
 
     def try_output(self) -> None:
         """Start a check of the output folder, to report faults early and not only at the end."""
-        folder = self.output_dir
-
-        def note(future: 'Future[None]') -> None:
-            if folder == self.output_dir:
-                self._facts.output_error = self._worker.failure('output_dir', future)
-
-        self._worker.start('try', lambda: try_folder(folder), note)
+        folder = self._values['output_dir']
+        self._worker.start('output_dir', lambda: try_folder(folder), lambda _: None)
 
     def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
         """Start writing result, curves, plot and configurations; default is the output folder."""
-        folder = folder or self.output_dir
-        name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
+        folder = folder or self._values['output_dir']
+        consumers = [consumer for consumer in self._values['export_for'] if consumer]
         of, last = (run, folder, consumers), self._next_save
         if last is not None and last.of == of and last.holds(run.fed):
             return last.future
@@ -229,14 +212,14 @@ class Storage:
         waiting = [snapshot]
 
         def work() -> list[Path]:
-            result = waiting.pop().result()
+            result = fitted(waiting.pop()).result
             if not result.axes:
-                raise NothingToSave('nothing to save: too few usable samples have come from '
-                                    f'{self._setup.topics} yet')
+                raise TooEarly('nothing to save: too few usable samples have come from '
+                               f'{self._setup.topics} yet')
             start = (result.source.start_time or 'unknown').removesuffix('Z')
             own = at_home(folder, 'output_dir') / re.sub(
                 r'[^A-Za-z0-9_-]+', '-',
-                f'{name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
+                f'{self._node_name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
             self._saved = run, result
             try:
                 return save_folder(result, own, consumers, report=False, picture=picture)
@@ -245,16 +228,9 @@ class Storage:
                 with suppress(OSError):
                     own.rmdir()
 
-        def note(future: 'Future[list[Path]]') -> None:
-            if isinstance(future.exception(), NothingToSave):
-                # The caller gets this answer; nothing is wrong with the storage.
-                return
-            self._facts.save_error = self._worker.failure('save', future)
-            if self._facts.save_error:
-                return
-            if folder == self.output_dir:
-                self._facts.output_error = ''
-            paths = future.result()
+        def note(paths: list[Path]) -> None:
+            if folder == self._values['output_dir']:
+                self._worker.errors['output_dir'] = ''
             self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
                            f'wrote to {paths[0].parent}')
 
@@ -269,7 +245,7 @@ class Storage:
 
     def save_state_at_end(self, run: Run) -> bool:
         """Write the state if it is newer than the last checkpoint; return whether that worked."""
-        self._worker.drop_queued(('fit', 'plot', 'try'))
+        self._worker.drop_queued(('fit', 'plot', 'output_dir'))
         future = None if run.fed == run.checkpointed else self.checkpoint(run)
         return future is None or future.exception() is None
 
@@ -279,7 +255,7 @@ class Storage:
             return True
         try:
             self.save(run, picture=picture).result()
-        except NothingToSave as error:
+        except TooEarly as error:
             self._log.info(str(error))
         except IncompleteSave:
             # All that the result permits is written, so the run is over.

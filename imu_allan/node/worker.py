@@ -20,6 +20,10 @@ from imu_allan.node.process import give_back_memory
 T = TypeVar('T')
 
 
+class TooEarly(ImuAllanError):
+    """Raised if there is nothing to work on yet; the caller is told, and it is no fault."""
+
+
 class Worker:
     """Does the work that would hold up the executor's thread for too long."""
 
@@ -27,14 +31,14 @@ class Worker:
         self._log = log
         self._thread = ThreadPoolExecutor(1, 'imu_allan_worker')
         self._keeper = ThreadPoolExecutor(1, 'imu_allan_state')
-        self._jobs: list[tuple[str, Future[Any], Callable[[Future[Any]], None]]] = []
+        self._jobs: list[tuple[str, Future[Any], Callable[[Any], None]]] = []
+        # By kind of job: what went wrong at the last attempt, empty if it succeeded.
+        self.errors: dict[str, str] = {}
 
-    def start(self, kind: str, work: Callable[[], T],
-              done: Callable[[Future[T]], None]) -> Future[T]:
-        """Queue `work`; `done` is called by `hand_out` once it is finished."""
-        of_state = kind in ('checkpoint', 'aside')
+    def start(self, kind: str, work: Callable[[], T], done: Callable[[T], None]) -> Future[T]:
+        """Queue `work`; `hand_out` passes what it returned to `done`."""
         job = partial(_draw, work) if kind in ('plot', 'save') else work
-        future = (self._keeper if of_state else self._thread).submit(job)
+        future = (self._keeper if kind == 'checkpoint' else self._thread).submit(job)
         self._jobs.append((kind, future, done))
         return future
 
@@ -43,18 +47,21 @@ class Worker:
         return any(job == kind for job, _, _ in self._jobs)
 
     def hand_out(self) -> None:
-        """Call `done` of every job that is finished, in this thread."""
+        """Call `done`, or note the error, of every job that is finished, in this thread."""
         finished = [job for job in self._jobs if job[1].done()]
         for job in finished:
             self._jobs.remove(job)
-            _, future, done = job
-            done(future)
+            kind, future, done = job
+            error = future.exception()
+            if not isinstance(error, TooEarly):
+                self.errors[kind] = self._told(kind, error)
+            if error is None:
+                done(future.result())
         if finished:
             give_back_memory()
 
-    def failure(self, kind: str, future: Future[Any]) -> str:
-        """Log the error of a finished job, if any; return it as a line, empty if none."""
-        error = future.exception()
+    def _told(self, kind: str, error: BaseException | None) -> str:
+        """Log an error, if any, and return it as a line."""
         if error is None:
             return ''
         if isinstance(error, ImuAllanError):

@@ -504,7 +504,7 @@ for arguments in json.loads(sys.argv[1]):
 
 def facts(recent: Mapping[str, int] = NOTHING, **changes: Any) -> Facts:
     """Give what a node that is well counts, and what of it is recent."""
-    made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
+    made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0,
                     'publishers': 1, 'received': 100, 'received_hz': 100.0, **changes})
     made.recent.see(0.0, recent)
     return made

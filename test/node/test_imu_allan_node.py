@@ -9,7 +9,7 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.result_messages import Filter, result_messages
+from imu_allan.node.result_messages import result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.tuning.tune import tune
@@ -84,7 +84,7 @@ def test_late_subscriber_service_and_file_get_the_same_to_the_last_digit(live, r
     start = np.datetime64(str(result.source.start_time).removesuffix('Z'), 'ns').astype(np.int64)
     assert (stamp.sec * 10**9 + stamp.nanosec - start) * 1e-9 == pytest.approx(
         DURATION_S - 1 / RATE_HZ, abs=2e-6)
-    messages = result_messages(published, live.name('imu_allan'), stamp, Filter(0.2, 30.0))
+    messages = result_messages(published, live.name('imu_allan'), stamp, 0.2, 30.0)
     assert [(one.name, one.hardware_id) for one in messages['coefficients'].status] == [
         (f'{live.name("imu_allan")}: {axis}', live.name('imu/data_raw')) for axis in AXES]
     assert len(messages) == 24

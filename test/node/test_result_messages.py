@@ -16,7 +16,7 @@ from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.log import Log
 from imu_allan.node.result_messages import result_messages
-from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import fitted, Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
 from imu_allan.result import Coefficient, GoodnessOfFit, Timeline, Tone, TurnOnBias
@@ -145,9 +145,9 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     ('timeline', facts(), summary(timeline=Timeline(
         100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
         remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),
-    ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
+    ('estimation', facts(errors={'fit': 'broken'}), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),
-    ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
+    ('storage', facts(errors={'save': 'No space left'}), summary(), ERROR, 'No space left')])
 def test_a_status_names_what_is_wrong(part, facts_, summary_, level, words):
     status = shown(part, facts_, summary_)
     assert (status.level, status.message, status.hardware_id) == (level, words, '/imu')
@@ -262,8 +262,8 @@ def test_of_repeated_looks_what_lasts_is_published(result, fits, shown, waits):
     found = [published(looks, at(result, *fit)) for fit in fits]
     assert [one.observable for one in found] == shown
     assert {at: found[at].observable_in_s for at in waits} == waits
-    for (_, fitted, *_), one in zip(fits, found, strict=True):
-        if fitted and not one.observable:
+    for (_, seen, *_), one in zip(fits, found, strict=True):
+        if seen and not one.observable:
             assert (one.value, one.ci95, one.upper95) == (None, None, 3.0)
 
 
@@ -309,7 +309,7 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
     assert standards.judge(run.result(), run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
     # A look takes the fits that the result was made of.
-    [result], fits = Run(Lane(noisy)).snapshot().fitted()
+    result, fits, _ = fitted(Run(Lane(noisy)).snapshot())
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]

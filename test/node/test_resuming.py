@@ -211,7 +211,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, heal
 def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_path, monkeypatch):
     log = Log(lambda: heard)
     worker, state = Worker(log), tmp_path / 'state'
-    storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0, ''), log, {
+    storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0), log, {
         'state_file': str(state), 'output_dir': str(tmp_path / 'output'),
         'checkpoint_period': 60.0, 'export_for': []})
     runs = [storage.resumed_or_new_run(), new_run(SETUP)]

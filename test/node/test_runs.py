@@ -12,13 +12,12 @@ from unittest.mock import Mock
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.diagnostics import Facts
+from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
 from imu_allan.node.publishers import MIXED, Publishers
-from imu_allan.node.results import Results
-from imu_allan.node.run import new_run, pack, Setup, unpack
+from imu_allan.node.run import fitted, new_run, pack, Setup, unpack
 from imu_allan.node.runs import Runs
 from imu_allan.noise.random_effects import random_effects
-from imu_allan.result import Source
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -47,7 +46,7 @@ class World:
     def __init__(self, run=None, setup=SETUP):
         heard = Heard()
         self.lines = heard.lines
-        self.facts = [Facts(topic, 10_000, 0.0, '') for topic, _ in setup.streams]
+        self.facts = [Facts(topic, 10_000, 0.0) for topic, _ in setup.streams]
         # Who is there, and the runs that others have taken the place of.
         self.there = set()
         self.replaced = []
@@ -61,7 +60,7 @@ class World:
             for first in range(0, len(block), together):
                 self.runs.take(number, publisher, [block.part(slice(first, first + together))])
         for lane, seen in zip(self.runs.run.lanes, self.summaries(), strict=True):
-            lane.known.learn(Source('topic', None, '/imu', None, None, seen.clock))
+            lane.known.learn(seen.clock)
 
     def summaries(self):
         streams = [lane.snapshot().characterization for lane in self.runs.run.lanes]
@@ -91,6 +90,10 @@ def boot(monkeypatch, tmp_path):
     path.write_text('first\n')
     monkeypatch.setattr(run_module, 'BOOT_ID', path)
     return path
+
+
+def result_of(run):
+    return fitted(run.snapshot()).result
 
 
 def ended(run):
@@ -164,7 +167,7 @@ def test_an_imu_is_known_by_its_rate_frame_and_noise(rate_hz, together, comes, r
     assert world.samples == pytest.approx(samples, rel=0.025)
     assert world.timeline.rejected == 0
     last = last if reasons else {'rate_hz': rate_hz}
-    assert_density(world.runs.run.snapshot().result().to_dict(), last['rate_hz'],
+    assert_density(result_of(world.runs.run).to_dict(), last['rate_hz'],
                    last.get('noise', NOISE))
 
 
@@ -197,7 +200,7 @@ def test_a_frame_that_changes_within_a_bundle_divides_it_between_two_runs(world)
     world.runs.take(0, 1, [at_rest(30, start_s=PROVEN_S), replace(
         at_rest(4000, start_s=PROVEN_S + 0.3), frame_id='other')])
     [(before, _)] = world.replaced
-    for timeline, samples in (before.snapshot().result().timeline, 30_030), (world.timeline, 4000):
+    for timeline, samples in (result_of(before).timeline, 30_030), (world.timeline, 4000):
         assert (timeline.samples, timeline.rejected) == (samples, 0)
 
 
@@ -271,7 +274,7 @@ def test_a_second_time_counts_once_though_the_node_ended_before_the_unit_was_kno
     run.lanes[0].update([block])
     run = resumed(run)
     run.lanes[0].update([block])
-    assert run.snapshot().result().timeline.samples == 1000
+    assert result_of(run).timeline.samples == 1000
     assert not run.lanes[0].seen.looping
 
 
@@ -285,7 +288,7 @@ def test_a_run_with_a_sample_beyond_all_numbers_goes_on_after_a_crash(value):
     for first, last in pairwise([0, 100, *range(4000, 4400, 50), 5995, 6000]):
         run.lanes[0].update([block.part(slice(first, last))])
         run = resumed(run)
-    timeline = run.snapshot().result().timeline
+    timeline = result_of(run).timeline
     assert (timeline.samples, timeline.rejected) == (5997, 3)
 
 
@@ -306,7 +309,7 @@ def test_means_of_every_boot_make_the_turn_on_bias(boot):
         block = at_rest(4000, 200.0, start_s=number * 1e5, seed=number, mean=(bias, 0, 0, 0, 0, 0))
         run.lanes[0].update([block])
         means.append(float(block.samples[:, 0].mean()))
-    spread, error = run.snapshot().result().turn_on_bias, NOISE / 4000**0.5
+    spread, error = result_of(run).turn_on_bias, NOISE / 4000**0.5
     expected = random_effects(means, [error] * len(means))
     assert spread['gyro_x'].sigma == pytest.approx(expected.between, rel=1e-3)
     assert spread['gyro_x'].ci95 == pytest.approx(expected.between_ci95, rel=1e-2)
@@ -319,7 +322,7 @@ def test_power_ons_one_soon_after_the_other_are_no_slow_turn():
         run.lanes[0].update([at_rest(4000, start_s=60.0 * number, seed=number,
                                      mean=(bias, 0, 0, 0, 0, 9.8))])
         run.lanes[0].power_on()
-    assert 'slow_motion' not in {finding.code for finding in run.snapshot().result().warnings}
+    assert 'slow_motion' not in {finding.code for finding in result_of(run).warnings}
 
 
 def stream(first, count, start_s):
@@ -387,18 +390,18 @@ def test_without_numbers_another_set_of_offers_is_another_publisher():
 
 @pytest.mark.parametrize('speed', [1.0, 100.0])
 def test_a_fit_is_due_as_the_record_grows_however_fast_it_is_replayed(speed):
-    run, fitted, began = Mock(over=False, fitted=0, stamp_ns=1), [], time.monotonic()
+    run, looks, began = Mock(over=False, fitted=0, stamp_ns=1), [], time.monotonic()
 
     def fit(_, __, publish):
-        fitted.append(run.fed)
-        publish(Mock(**{'result.return_value': Mock(result=None, cpu_s=0.5)}))
+        looks.append(run.fed)
+        publish(Mock(result=None, clocks=[], cpu_s=0.5))
 
-    worker = Mock(under_way=lambda _: False, start=fit, failure=lambda *_: '')
-    results = Results('', Mock(), worker, Mock(), Mock(), {
+    run.lanes = []
+    fitting = Fitting('', Mock(), Mock(under_way=lambda _: False, start=fit), Mock(), Mock(), {
         'spec_file': '', 'reference': '', 'aiding_interval': 0.1, 'coast': 60.0,
         'publish_period': 1.0})
     for second in range(1, 61):
         run.fed, run.span_s = second, speed * second
-        results.publish_or_fit(began + second + 0.5, run, began + second)
+        fitting.publish_or_fit(began + second + 0.5, run, began + second)
     # Half a second of the processor is 1 % of 50 s; until then the record is to be tripled.
-    assert fitted == [1, 3, 9, 27, 50, 60]
+    assert looks == [1, 3, 9, 27, 50, 60]

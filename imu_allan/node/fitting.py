@@ -1,19 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results of the current run: fitted by the worker, published every period, and plotted."""
+"""Fits of the current run: when one is due, and what is published and plotted of it."""
 
 from collections.abc import Mapping
-from concurrent.futures import Future
-from dataclasses import dataclass
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.publications import Publications
-from imu_allan.node.result_messages import Filter, result_messages
-from imu_allan.node.run import Run
+from imu_allan.node.result_messages import result_messages
+from imu_allan.node.run import fitted, Run
 from imu_allan.node.standards import Comparison, Standards
 from imu_allan.node.worker import Worker
 from imu_allan.result import Result
@@ -23,19 +21,18 @@ FIT_GROWTH = 0.2
 """The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
 
 
-@dataclass(frozen=True)
-class _Fit:
+class _Fit(NamedTuple):
     """What a fit gives, and the time that it took."""
 
     result: Result
-    of_lanes: list[Result]
+    clocks: list[str | None]  # of each lane
     messages: Mapping[str, Any]
     comparisons: list[Comparison]
     took_s: float
     cpu_s: float
 
 
-class Results:
+class Fitting:
     """Fits the current run, and publishes and plots the results."""
 
     def __init__(self, node_name: str, publications: Publications, worker: Worker, facts: Facts,
@@ -45,32 +42,25 @@ class Results:
         self._worker = worker
         self._facts = facts
         self._announcements = announcements
+        self._values = values
         self._standards = Standards(values['spec_file'], values['reference'])
-        self.filter_of = Filter(values['aiding_interval'], values['coast'])
-        self.latest: Result | None = None
-        self._plotted: Result | None = None
-        self._fitted_s = self._rested = 0.0
-        self.publish_every(values['publish_period'])
-
-    def publish_every(self, period_s: float) -> None:
-        """Set the period of publication, which starts now."""
-        self._period_s = period_s
-        self._next_publication = time.monotonic() + period_s
+        self._last_publication = time.monotonic()
+        self.begin_run()
 
     def begin_run(self) -> None:
         """Forget the results of the previous run."""
-        self.latest = self._plotted = None
+        self.latest: Result | None = None
+        self._plotted: Result | None = None
         self._facts.comparisons = []
         self._fitted_s = self._rested = 0.0
 
     def due(self, now: float) -> bool:
         """Return whether it is time to publish; true once per period."""
-        if now < self._next_publication:
-            return False
+        period_s: float = self._values['publish_period']
         # On a fixed grid, so that a period that is no multiple of the tick holds on average.
-        periods = (now - self._next_publication) // self._period_s + 1
-        self._next_publication += periods * self._period_s
-        return True
+        periods = (now - self._last_publication) // period_s
+        self._last_publication += periods * period_s
+        return periods > 0
 
     def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
         """Start a new fit if one is due; otherwise serve the last result to new subscribers."""
@@ -88,38 +78,32 @@ class Results:
     def fit(self, run: Run, to_the_end: bool = False) -> None:
         """Start a fit; `to_the_end` if no more messages are expected."""
         began = time.monotonic()
-        standards, filter_of = self._standards, self.filter_of
-        run.fitted = run.fed
-        span_s = run.span_s
-        snapshot, name, looks = run.snapshot(), self._node_name, run.datasheet_looks
-        stamp = run.stamp_ns or time.time_ns()
+        run.fitted, span_s, snapshot = run.fed, run.span_s, run.snapshot()
+        stamp = _time(run.stamp_ns or time.time_ns())
+        aiding_s, coast_s = self._values['aiding_interval'], self._values['coast']
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
-            of_lanes, fits = snapshot.fitted()
-            fitted = snapshot.as_one(of_lanes)
-            result = run.shown_terms.judged(fitted, more_comes=not to_the_end)
-            messages = result_messages(result, name, _time(stamp), filter_of)
-            comparisons = standards.judge(
-                fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
-                fits)
-            return _Fit(result, of_lanes, messages, comparisons, time.monotonic() - started,
+            found, fits, clocks = fitted(snapshot)
+            result = run.shown_terms.judged(found, more_comes=not to_the_end)
+            messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s)
+            comparisons = self._standards.judge(
+                found, {lane.half or '': lane.characterization for lane in snapshot},
+                run.datasheet_looks, fits)
+            return _Fit(result, clocks, messages, comparisons, time.monotonic() - started,
                         time.thread_time() - busy)
 
-        def publish(future: 'Future[_Fit]') -> None:
+        def publish(fit: _Fit) -> None:
             if run.over:
                 return
-            self._facts.fit_error = self._worker.failure('fit', future)
-            if self._facts.fit_error:
-                return
-            done = future.result()
-            self.latest, self._facts.fit_s = done.result, done.took_s
-            self._facts.comparisons = done.comparisons
-            run.learn(done.of_lanes)
+            self.latest, self._facts.fit_s = fit.result, fit.took_s
+            self._facts.comparisons = fit.comparisons
+            for lane, clock in zip(run.lanes, fit.clocks, strict=True):
+                lane.known.learn(clock)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
-            self._fitted_s, self._rested = span_s, began + 100 * done.cpu_s
-            self._publications.publish(done.messages)
-            self._announcements.see_result(done.result)
+            self._fitted_s, self._rested = span_s, began + 100 * fit.cpu_s
+            self._publications.publish(fit.messages)
+            self._announcements.see_result(fit.result)
             self._announcements.see_comparisons(self._facts)
             self.draw_if_watched(run)
 
@@ -141,11 +125,7 @@ class Results:
             image.header.frame_id = result.source.frame_id or ''
             return image
 
-        def show(future: 'Future[CompressedImage]') -> None:
-            if not self._worker.failure('plot', future):
-                plot.publish(future.result())
-
-        self._worker.start('plot', draw, show)
+        self._worker.start('plot', draw, plot.publish)
 
 
 def _time(stamp_ns: int) -> Time:
