@@ -29,8 +29,6 @@ PAUSE_S = 1.0
 to start. Chosen by judgment."""
 REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
-PROGRESS_S = 60.0
-"""Time between progress lines at first: about as often as a waiting user looks."""
 
 
 class Announcements:
@@ -49,7 +47,8 @@ class Announcements:
         """Forget what was reported about the previous run."""
         # When the first samples of the run were reported.
         self.began: float | None = None
-        self._progress_at = 0.0
+        # Time of the last progress line, since then.
+        self._progress_s = 0.0
         # Codes of the latest findings, and findings that were reported, by code.
         self._found: dict[str, set[str]] = {}
         self._said: dict[str, Finding] = {}
@@ -88,7 +87,7 @@ class Announcements:
         """Report the first sample, faults of the clock and the samples, and motion."""
         timeline = summary.timeline
         if timeline.samples and self.began is None:
-            self.began, self._progress_at = now, now + PROGRESS_S
+            self.began = now
             frame = f'frame_id {summary.frame_id!r}, ' if summary.frame_id else ''
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
@@ -134,10 +133,13 @@ class Announcements:
 
     def see_progress(self, now: float, facts: Facts, result: Result | None) -> None:
         """Report the progress of the run, every minute at first and every hour later."""
-        if self.began is None or now < self._progress_at or result is None or not result.axes:
+        # As often as a waiting user looks, who tends to watch the first ten minutes; after that a
+        # night adds about ten lines.
+        pause_s = 60.0 if self._progress_s < 600.0 else 3600.0
+        if (self.began is None or now - self.began < self._progress_s + pause_s or result is None
+                or not result.axes):
             return
-        # Users tend to watch the first ten minutes; after that a night adds about ten lines.
-        self._progress_at = now + (PROGRESS_S if now - self.began < 600.0 else 3600.0)
+        self._progress_s = now - self.began
         self._log.info(progress_line(
             result, facts.timeline or result.timeline, facts.moved_s,
             comes=facts.silent_s < PAUSE_S))

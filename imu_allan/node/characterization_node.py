@@ -9,19 +9,16 @@ the middleware's queue only for moments. Faults of drivers, subscribers or disks
 the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
-import asyncio
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future, wait
 from threading import RLock
 import time
 from typing import Any
 
 from imu_allan.block import Half
-from imu_allan.errors import ImuAllanError, printable
-from imu_allan.node.callers import Callers, REQUESTS
+from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.fitting import Fitting
-from imu_allan.node.interface import SETTINGS, TOPIC
+from imu_allan.node.interface import CHARACTERIZATION, TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
@@ -32,6 +29,7 @@ from imu_allan.node.reports import Reports
 from imu_allan.node.run import Run, Setup
 from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
+from imu_allan.node.service_calls import ServiceCalls
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
@@ -41,7 +39,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
@@ -77,7 +75,7 @@ class CharacterizationNode(AnyExecutorNode):
         # complain at every line.
         alone = get_logger(self.get_fully_qualified_name())
         self._log = Log(lambda: self.get_logger() if self.context.ok() else alone)
-        self._values = values = declare(self, SETTINGS, self._applied)
+        self._values = values = declare(self, CHARACTERIZATION.settings, self._applied)
         warn_of_unknown(self)
         if reason := _reason_against(values['aiding_interval'], values['coast']):
             raise ImuAllanError(f'parameter {reason}')
@@ -114,13 +112,10 @@ class CharacterizationNode(AnyExecutorNode):
                           self._leave, self._log,
                           lambda number: self._receptions[number].subscription.publisher_gids())
 
-        # Services wait for the worker while samples come in, so they have their own group.
-        self._callers = Callers(self)
-        for name, serve in ('~/save', self._save), ('~/reset', self._reset):
-            self.serve_waiting(Trigger, name, serve, qos_profile=REQUESTS,
-                               callback_group=self._callers)
-        self.create_service(SetBool, '~/pause', self._pause, qos_profile=REQUESTS,
-                            callback_group=self._callers)
+        self._calls = ServiceCalls(self)
+        self._calls.offer(Trigger, '~/save', self._save)
+        self._calls.offer(Trigger, '~/reset', self._reset)
+        self._calls.offer(SetBool, '~/pause', self._pause)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
@@ -252,7 +247,7 @@ class CharacterizationNode(AnyExecutorNode):
         with self._lock:
             self._catch_up(time.monotonic())
             future = self._storage.save(self._run)
-        failure = await self._failure(future)
+        failure = await self._calls.failure(future)
         response.success = failure is None
         response.message = ('\n'.join(map(str, future.result())) if failure is None else
                             failure)
@@ -269,32 +264,15 @@ class CharacterizationNode(AnyExecutorNode):
             self._fitting.fit(self._run)
             future = self._storage.checkpoint(self._run)
         response.success, response.message = True, 'a new run has begun'
-        failure = None if future is None else await self._failure(future)
+        failure = None if future is None else await self._calls.failure(future)
         if failure is not None:
             response.success = False
             response.message += f', but {failure}'
         self._log.info(response.message, 'reset')
         return response
 
-    async def _failure(self, future: 'Future[Any]') -> str | None:
-        """Wait for the worker and for the caller's turn; return what went wrong, or None."""
-        executor = self.executor
-        if isinstance(executor, Executor):
-            future.add_done_callback(lambda _: executor.wake())
-        else:
-            wait([future])
-        self._callers.waiting += 1
-        try:
-            while not (future.done() and self._callers.may_answer()):
-                # Continues at the executor's next wake-up.
-                await asyncio.sleep(0)
-        finally:
-            # Leave the timer alone: if the node ends meanwhile, it no longer exists here.
-            self._callers.waiting -= 1
-        error = future.exception()
-        return None if error is None else printable(error)
-
-    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    async def _pause(self, request: SetBool.Request, response: SetBool.Response
+                     ) -> SetBool.Response:
         with self._lock:
             self._catch_up(time.monotonic())
             changes = request.data != self._facts.paused

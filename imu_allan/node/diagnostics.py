@@ -32,7 +32,6 @@ RECENT_S = 30.0
 """Window of recent counts: a user who looks twice a minute sees every event. Totals keep all."""
 SILENT_S = 2.0
 """After this long without a message, reception has stopped and no waiting times are predicted."""
-_LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 Status = tuple[bytes, str]
@@ -176,6 +175,7 @@ def _worst(conditions: Sequence[Condition], otherwise: str) -> Status:
 def reception_conditions(facts: Facts) -> list[Condition]:
     """Return what may be wrong with the messages on a topic, the worst first."""
     topic, recent, thermometer = facts.topic, facts.recent, facts.temperature_topic
+    lately = f'in the last {RECENT_S:.0f} s'
     return [
         Condition('namesakes', facts.namesakes > 0, ERROR,
                   'another node has the same name: their topics and services cannot be kept '
@@ -199,11 +199,11 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'the messages on {topic} are new again'),
         Condition('malformed', recent['malformed'] > 0, WARN,
                   f'{counted(recent["malformed"], "message")} on {topic} could not be decoded '
-                  f'{_LATELY}: {facts.malformed_why}',
+                  f'{lately}: {facts.malformed_why}',
                   f'every message on {topic} can be decoded again; '
                   f'{counted(facts.malformed, "message")} could not be in all'),
         Condition('lost', recent['lost'] > 0, WARN,
-                  f'{counted(recent["lost"], "message")} on {topic} lost {_LATELY}: '
+                  f'{counted(recent["lost"], "message")} on {topic} lost {lately}: '
                   f'{_cause_of_loss(facts)}',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
         Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
@@ -266,8 +266,9 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
                   f'measured {rate:.5g} Hz, expected {expected:g} Hz; check expected_rate, or the '
                   'setting of the driver', 'the rate is the expected one again'),
         Condition('remarks', bool(lasting), WARN, '; '.join(lasting)),
-        Condition('faults', bool(faults), WARN, '; '.join(
-            [f'{", ".join(faults)} {_LATELY}', *(message for _, message in remarks)])),
+        Condition('faults', bool(faults), WARN, '; '.join([
+            f'{", ".join(faults)} in the last {RECENT_S:.0f} s',
+            *(message for _, message in remarks)])),
         Condition('jumped', facts.recent['clock_jumps'] > 0, WARN,
                   f'the {summary.clock} stamps jumped: no difference is taken across a jump', ''),
         Condition('rejected', rejected > 0, WARN,

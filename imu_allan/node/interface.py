@@ -64,82 +64,6 @@ class Setting:
         return ''
 
 
-SETTINGS = (
-    Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
-            0.5, 86_400.0),
-    Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. Every '
-            'run gets its own folder in it. While the node runs, it can be changed to folders '
-            'below', may_be_empty=False, below_start=True),
-    Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
-            'every restart; the default resumes only after a crash; empty keeps nothing',
-            read_only=True),
-    Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash can '
-            'lose', 1.0, 86_400.0),
-    Setting('motion', 'exclude', 'What to do with knocks and motion', choices=('exclude', 'keep'),
-            read_only=True),
-    Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
-            'unusable', choices=('auto', 'header', 'receive'), read_only=True),
-    Setting('expected_rate', 0.0, 'Rate of the IMU in Hz: sets the queue size, and a different '
-            'measured rate is reported; 0 is unknown', 0.0, 100_000.0, read_only=True),
-    Setting('gap_tolerance', 5, 'Most missing samples in a row that are interpolated; a longer '
-            'gap begins a new segment', 0, 1000, read_only=True),
-    Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] writes "
-            'none', choices=tuple(CONSUMERS)),
-    Setting('aiding_interval', 0.1, 'Seconds between corrections of the filter, for '
-            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
-    Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
-            86_400.0),
-    Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
-            "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
-    Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an Imu, '
-            "or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
-            read_only=True),
-    Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
-            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it', read_only=True),
-    Setting('accel_field', '', 'Field of the messages that holds the acceleration and its unit; '
-            'empty finds it', read_only=True),
-    Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if it is '
-            'a number (t us); empty finds it', read_only=True),
-    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
-            read_only=True),
-    Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
-            'its magnitude at rest is near 1', read_only=True),
-    Setting('gyro_topic', '', 'Topic of the gyroscope, for an IMU on two topics; empty takes '
-            'both sensors from imu/data_raw', read_only=True),
-    Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics',
-            read_only=True),
-    Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
-            'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type',
-            read_only=True),
-    Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none',
-            read_only=True),
-    Setting('reference', '', 'Earlier result file of the same IMU; a difference from it is '
-            'reported; empty is none', read_only=True),
-)
-
-SIMULATOR_SETTINGS = (
-    Setting('model', 'consumer_mems',
-            'Noise model: a YAML file, or the name of one that the package ships in config/',
-            may_be_empty=False, read_only=True),
-    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
-            read_only=True),
-    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
-            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
-    Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never',
-            0.0, 1e9, read_only=True),
-    Setting('seed', 0, 'Seed of the random numbers: the same seed gives the same noise', 0,
-            2**31 - 1, read_only=True),
-    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
-    Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
-            'the start', 0.0, 2**31 - 1.0, read_only=True),
-    Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
-            'are matched', 0, 100, read_only=True),
-    Setting('drop_samples', 20, 'Number of samples that ~/drop leaves out', 1, 1_000_000),
-    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
-            'velocity takes a tenth as many rad/s', 0.0, 1e3),
-)
-
-
 @dataclass(frozen=True)
 class Interface:
     """The purpose of a node, and its topics, services and parameters."""
@@ -171,7 +95,60 @@ CHARACTERIZATION = Interface(
     (('~/save', 'std_srvs/Trigger', 'write result, curves, plot and filter configurations'),
      ('~/reset', 'std_srvs/Trigger', 'begin a new run'),
      ('~/pause', 'std_srvs/SetBool', 'pass samples over')),
-    SETTINGS)
+    (
+        Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
+                0.5, 86_400.0),
+        Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. '
+                'Every run gets its own folder in it. While the node runs, it can be changed to '
+                'folders below', may_be_empty=False, below_start=True),
+        Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
+                'every restart; the default resumes only after a crash; empty keeps nothing',
+                read_only=True),
+        Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash '
+                'can lose', 1.0, 86_400.0),
+        Setting('motion', 'exclude', 'What to do with knocks and motion',
+                choices=('exclude', 'keep'), read_only=True),
+        Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
+                'unusable', choices=('auto', 'header', 'receive'), read_only=True),
+        Setting('expected_rate', 0.0, 'Rate of the IMU in Hz: sets the queue size, and a '
+                'different measured rate is reported; 0 is unknown', 0.0, 100_000.0,
+                read_only=True),
+        Setting('gap_tolerance', 5, 'Most missing samples in a row that are interpolated; a '
+                'longer gap begins a new segment', 0, 1000, read_only=True),
+        Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] "
+                'writes none', choices=tuple(CONSUMERS)),
+        Setting('aiding_interval', 0.1, 'Seconds between corrections of the filter, for '
+                '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
+        Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
+                86_400.0),
+        Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
+                "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
+        Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an '
+                "Imu, or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
+                read_only=True),
+        Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
+                'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it',
+                read_only=True),
+        Setting('accel_field', '', 'Field of the messages that holds the acceleration and its '
+                'unit; empty finds it', read_only=True),
+        Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if '
+                'it is a number (t us); empty finds it', read_only=True),
+        Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
+                read_only=True),
+        Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
+                'its magnitude at rest is near 1', read_only=True),
+        Setting('gyro_topic', '', 'Topic of the gyroscope, for an IMU on two topics; empty takes '
+                'both sensors from imu/data_raw', read_only=True),
+        Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics',
+                read_only=True),
+        Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
+                'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type',
+                read_only=True),
+        Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none',
+                read_only=True),
+        Setting('reference', '', 'Earlier result file of the same IMU; a difference from it is '
+                'reported; empty is none', read_only=True),
+    ))
 
 SIMULATOR = Interface(
     'imu_simulator', 'imu_allan.node.simulator_node.SimulatorNode',
@@ -181,7 +158,27 @@ SIMULATOR = Interface(
      ('~/truth', 'diagnostic_msgs/DiagnosticArray', 'the true coefficients')),
     (('~/drop', 'std_srvs/Trigger', 'leave samples out'),
      ('~/knock', 'std_srvs/Trigger', 'knock the IMU')),
-    SIMULATOR_SETTINGS)
+    (
+        Setting('model', 'consumer_mems',
+                'Noise model: a YAML file, or the name of one that the package ships in config/',
+                may_be_empty=False, read_only=True),
+        Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
+                read_only=True),
+        Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
+                'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
+        Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never',
+                0.0, 1e9, read_only=True),
+        Setting('seed', 0, 'Seed of the random numbers: the same seed gives the same noise', 0,
+                2**31 - 1, read_only=True),
+        Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+        Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
+                'the start', 0.0, 2**31 - 1.0, read_only=True),
+        Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
+                'are matched', 0, 100, read_only=True),
+        Setting('drop_samples', 20, 'Number of samples that ~/drop leaves out', 1, 1_000_000),
+        Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the '
+                'angular velocity takes a tenth as many rad/s', 0.0, 1e3),
+    ))
 
 
 def at_home(path: str | PathLike[str], parameter: str = '') -> Path:

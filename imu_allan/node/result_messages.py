@@ -27,11 +27,8 @@ from std_msgs.msg import (
     String,
 )
 
-TUNED_TERM = 'filter_random_walk'
-"""Tuned, not measured: for a filter that models the bias as a random walk alone."""
-ENDS = ('low', 'high')
-VECTORS = (TUNED_TERM, *(topic for term in LASTING_TERMS for topic in (
-    term, *(f'{term}/interval/{end}' for end in ENDS))))
+VECTORS = ('filter_random_walk', *(f'{term}{part}' for term in LASTING_TERMS
+                                   for part in ('', '/interval/low', '/interval/high')))
 """Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
 
 
@@ -87,17 +84,17 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
 
 def _numbers(axis: AxisResult, aiding_s: float, coast_s: float) -> dict[str, float | None]:
     """Return the components of an axis in the vectors of its sensor, by topic."""
-    numbers: dict[str, float | None] = {TUNED_TERM: None}
+    numbers: dict[str, float | None] = dict.fromkeys(VECTORS)
     if axis.coefficients['noise_density'].observable:
         # Without a drift model, or noise, the status of the axis says why there is none.
         with suppress(ImuAllanError):
-            numbers[TUNED_TERM] = tune(axis, aiding_s, coast_s).random_walk
+            # Tuned, not measured: for a filter that models the bias as a random walk alone.
+            numbers['filter_random_walk'] = tune(axis, aiding_s, coast_s).random_walk
     for term in LASTING_TERMS:
         found = axis.coefficients[term]
-        numbers[term] = found.value
         # The interval of a term that is not observable is from zero to its upper bound.
-        ends = found.ci95 or (None if found.upper95 is None else 0.0, found.upper95)
-        numbers |= {f'{term}/interval/{end}': bound for end, bound in zip(ENDS, ends, strict=True)}
+        low, high = found.ci95 or (None if found.upper95 is None else 0.0, found.upper95)
+        numbers |= {term: found.value, f'{term}/interval/low': low, f'{term}/interval/high': high}
     return numbers
 
 

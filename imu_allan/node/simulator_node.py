@@ -10,7 +10,7 @@ from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import SIMULATOR_SETTINGS, TOPIC
+from imu_allan.node.interface import SIMULATOR, TOPIC
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
@@ -28,8 +28,6 @@ from std_srvs.srv import Trigger
 
 _SERVICE_PERIOD_S = 0.05
 """Services are answered and sleeps end within this time, too short for users to notice."""
-_KNOCK_DECAY_S = 0.15
-"""Decays to a thousandth within a second, which is two windows of the motion detector."""
 
 
 class SimulatorNode(Node):
@@ -42,7 +40,7 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        self._values = values = declare(self, SIMULATOR_SETTINGS)
+        self._values = values = declare(self, SIMULATOR.settings)
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))
@@ -126,8 +124,8 @@ class SimulatorNode(Node):
         samples = self._imu.draw(count)
         for knock in self._knocks:
             samples += self._values['knock_size'] * _knock_shape((index - knock) / self._rate)
-        self._knocks = [knock for knock in self._knocks
-                        if (self._next - knock) / self._rate < 20 * _KNOCK_DECAY_S]
+        # After three seconds nothing is left of a knock.
+        self._knocks = [knock for knock in self._knocks if self._next - knock < 3 * self._rate]
         stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
         self._next += count
         kept = index >= self._drop_until
@@ -175,7 +173,7 @@ class SimulatorNode(Node):
 def _knock_shape(seconds: Array) -> Array:
     """Return an oscillation on all axes that decays from time zero, shape (n, 6)."""
     after = np.maximum(seconds, 0.0)
-    # 17 Hz: several cycles per window of the motion detector, below half of any usual rate.
-    ringing = np.where(seconds >= 0, np.exp(-after / _KNOCK_DECAY_S)
-                       * np.cos(2 * np.pi * 17.0 * after), 0.0)
+    # 17 Hz: several cycles per window of the motion detector, below half of any usual rate. Decays
+    # to a thousandth within a second, which is two such windows.
+    ringing = np.where(seconds >= 0, np.exp(-after / 0.15) * np.cos(2 * np.pi * 17.0 * after), 0.0)
     return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))

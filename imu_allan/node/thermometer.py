@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings of a thermometer beside the IMU, from a topic of their own."""
 
+from collections import deque
 import time
 
 from imu_allan.characterization import Characterization
@@ -19,7 +20,6 @@ MATCHING_S = 5.0
 """A missing publisher is reported after this time; discovery takes up to three seconds."""
 SILENCE_S = 30.0
 """Silence is reported after this time, or after three times the longest pause so far."""
-_NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
 class Thermometer:
@@ -29,7 +29,9 @@ class Thermometer:
         self._node = node
         self._log = log
         self._facts = facts
-        self._waiting = [_NONE] * lanes
+        # For each lane: stamps of header and reception, and what was read; hours of most sensors.
+        self._waiting: list[deque[tuple[int, int, float]]] = [
+            deque(maxlen=100_000) for _ in range(lanes)]
         self._last_reading: float | None = None
         self._longest_pause_s = 0.0
         self._beside: list[str] = []
@@ -71,7 +73,7 @@ class Thermometer:
             return
         batch = self._subscription.take()
         self._facts.thermometers = self._subscription.publishers
-        stamps, readings = [], []
+        readings: list[tuple[int, int, float]] = []
         for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
             try:
                 message = deserialize_message(content, Temperature)
@@ -81,17 +83,12 @@ class Thermometer:
                 continue
             stamp = message.header.stamp
             header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-            stamps.append((header_ns or receive_ns, receive_ns))
-            readings.append(message.temperature)
+            readings.append((header_ns or receive_ns, receive_ns, message.temperature))
         self._note_silence(time.monotonic(), bool(readings))
-        most = 100_000   # hours from most sensors
+        for waiting in self._waiting:
+            waiting.extend(readings)
         if readings:
-            celsius = in_celsius(np.array(readings))
-            self._facts.temperature_c = float(celsius[-1])
-            self._waiting = [
-                (np.concatenate([before, stamps])[-most:],
-                 np.concatenate([warmth, celsius])[-most:])
-                for before, warmth in self._waiting]
+            [self._facts.temperature_c] = in_celsius(np.array([readings[-1][2]])).tolist()
 
     def _note_silence(self, now: float, has_come: bool) -> None:
         if self._facts.thermometers:
@@ -106,12 +103,13 @@ class Thermometer:
 
     def feed(self, lane: int, characterization: Characterization) -> None:
         """Pass the readings to a lane, once the clock that places its samples is known."""
-        stamps, celsius = self._waiting[lane]
-        if not len(celsius):
+        if not self._waiting[lane]:
             return
         # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
         clock = characterization.timeline.clock or characterization.summary().clock
         if clock is None:
             return
-        characterization.take_temperature(stamps[:, 0 if clock == 'header' else 1], celsius)
-        self._waiting[lane] = _NONE
+        header_ns, receive_ns, readings = zip(*self._waiting[lane], strict=True)
+        characterization.take_temperature(header_ns if clock == 'header' else receive_ns,
+                                          in_celsius(np.array(readings)))
+        self._waiting[lane].clear()

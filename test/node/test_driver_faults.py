@@ -49,7 +49,7 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
     driver.send(b'\0\1\0\0nothing of the kind')
     driver.next += 1
     driver.publish(1, shaken=np.nan)
-    malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 30 s: '
+    malformed = Varying(f'1 message on {driver.topic} could not be decoded in the last 5 s: '
                         '<words>')
     meanwhile(driver, lambda: health.said('reception', malformed))
     rejected = '1 message rejected: NaN, infinite or declared absent'

@@ -8,7 +8,7 @@ import re
 import subprocess
 from xml.etree import ElementTree
 
-from imu_allan.node.interface import CHARACTERIZATION, help_text, SETTINGS, SIMULATOR
+from imu_allan.node.interface import CHARACTERIZATION, help_text, SIMULATOR
 from processes import python
 import pytest
 from rclpy.node import Node
@@ -82,7 +82,7 @@ def test_the_parameter_files_have_every_default_and_an_analyzer_for_every_status
     own, analyzers = (yaml.safe_load((ROOT / 'config' / file).read_text())['/**'][
         'ros__parameters'] for file in ('imu_allan.yaml', 'imu_allan_diagnostics.yaml'))
     assert own == {setting.name: list(setting.default) if isinstance(setting.default, tuple)
-                   else setting.default for setting in SETTINGS}
+                   else setting.default for setting in CHARACTERIZATION.settings}
     [(name, analyzer)] = [one for one in analyzers.items() if isinstance(one[1], dict)]
     # The aggregator asks for a parameter of one type and ends where it has another.
     types = {'type': str, 'path': str, 'contains': list, 'timeout': float}
@@ -136,7 +136,7 @@ def written(setting):
 
 
 @pytest.mark.parametrize(('title', 'settings'), [
-    ('Parameters', SETTINGS), ('The node `imu_simulator`', SIMULATOR.settings)])
+    ('Parameters', CHARACTERIZATION.settings), ('The node `imu_simulator`', SIMULATOR.settings)])
 def test_every_parameter_is_documented_with_default_and_range(title, settings):
     [(_, section)] = re.findall(rf'^(#+) {re.escape(title)}\n(.*?)(?=^\1 |\Z)', PAGE,
                                 re.MULTILINE | re.DOTALL)
