@@ -16,20 +16,20 @@ from typing import Any
 
 from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.checkpoint import UnusableState
+from imu_allan.node.change_of_run import Runs
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.interface import CHARACTERIZATION, TOPIC
 from imu_allan.node.log import Log
+from imu_allan.node.output_topics import OutputTopics
 from imu_allan.node.parameters import declare, warn_of_unknown
-from imu_allan.node.process import StopRequest
-from imu_allan.node.publications import Publications
+from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
 from imu_allan.node.reception import QUEUE_MESSAGES, Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.run import Run, Setup
-from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
 from imu_allan.node.service_calls import ServiceCalls
+from imu_allan.node.state_file import UnusableState
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
@@ -86,11 +86,11 @@ class CharacterizationNode(AnyExecutorNode):
         if len(set(subscribed)) < len(subscribed):
             raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
         self._facts, name = self._receptions[0].facts, self.get_fully_qualified_name()
-        self._publications = Publications(self)
+        self._outputs = OutputTopics(self)
         self._worker = Worker(self._log)
         self._facts.errors = self._worker.errors
-        self._fitting = Fitting(name, self._publications, self._worker, self._facts,
-                                self._receptions[0].announcements, values)
+        self._fitting = Fitting(name, self._outputs, self._worker, self._facts,
+                                self._receptions[0].changes, values)
         self.add_on_set_parameters_callback(self._check)
         self._setup = Setup(
             subscribed[0], TimelineOptions(clock=values['clock'],
@@ -104,7 +104,7 @@ class CharacterizationNode(AnyExecutorNode):
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(self, self._receptions, self._publications, self._log)
+        self._reports = Reports(self, self._receptions, self._outputs, self._log)
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
@@ -239,7 +239,7 @@ class CharacterizationNode(AnyExecutorNode):
     def _forget_run(self) -> None:
         self._fitting.begin_run()
         for reception in self._receptions:
-            reception.announcements.begin_run()
+            reception.changes.begin_run()
 
     # -- services -------------------------------------------------------------------------------
 

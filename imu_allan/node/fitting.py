@@ -7,9 +7,9 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.publications import Publications
+from imu_allan.node.log_of_changes import LogOfChanges
+from imu_allan.node.output_topics import OutputTopics
 from imu_allan.node.result_messages import result_messages
 from imu_allan.node.run import fitted, Run
 from imu_allan.node.standards import Comparison, Standards
@@ -35,13 +35,13 @@ class _Fit(NamedTuple):
 class Fitting:
     """Fits the current run, and publishes and plots the results."""
 
-    def __init__(self, node_name: str, publications: Publications, worker: Worker, facts: Facts,
-                 announcements: Announcements, values: Mapping[str, Any]) -> None:
+    def __init__(self, node_name: str, outputs: OutputTopics, worker: Worker, facts: Facts,
+                 changes: LogOfChanges, values: Mapping[str, Any]) -> None:
         self._node_name = node_name
-        self._publications = publications
+        self._outputs = outputs
         self._worker = worker
         self._facts = facts
-        self._announcements = announcements
+        self._changes = changes
         self._values = values
         self._standards = Standards(values['spec_file'], values['reference'])
         self._last_publication = time.monotonic()
@@ -73,7 +73,7 @@ class Fitting:
         if run.fed != run.fitted and (settled or run.span_s >= self._fitted_s * growth):
             self.fit(run, to_the_end=settled)
         else:
-            self._publications.serve_newcomers()
+            self._outputs.serve_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
         """Start a fit; `to_the_end` if no more messages are expected."""
@@ -102,16 +102,16 @@ class Fitting:
                 lane.known.learn(clock)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
             self._fitted_s, self._rested = span_s, began + 100 * fit.cpu_s
-            self._publications.publish(fit.messages)
-            self._announcements.see_result(fit.result)
-            self._announcements.see_comparisons(self._facts)
+            self._outputs.publish(fit.messages)
+            self._changes.see_result(fit.result)
+            self._changes.see_comparisons(self._facts)
             self.draw_if_watched(run)
 
         self._worker.start('fit', work, publish)
 
     def draw_if_watched(self, run: Run) -> None:
         """Plot the last result and publish the plot, if it is new and has subscribers."""
-        result, plot = self.latest, self._publications.plot
+        result, plot = self.latest, self._outputs.plot
         if (result is None or not result.axes or result is self._plotted
                 or self._worker.under_way('plot') or not plot.get_subscription_count()):
             return

@@ -14,8 +14,8 @@ def main(args: Sequence[str] | None = None) -> int:
         from imu_allan.fast_startup import start_quickly
         start_quickly()
         from imu_allan.node.interface import CHARACTERIZATION
-        from imu_allan.node.process import run_process
-        return run_process(CHARACTERIZATION, args)
+        from imu_allan.node.program import run_program
+        return run_program(CHARACTERIZATION, args)
 
 
 if __name__ == '__main__':

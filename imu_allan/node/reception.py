@@ -11,13 +11,13 @@ from imu_allan.arrays import Ints
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.imu_type import Decode, decoder, message_class
 from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
-from imu_allan.node.publishers import Publishers
+from imu_allan.node.log_of_changes import LogOfChanges
+from imu_allan.node.sequence_numbers import Publishers
 from imu_allan.wording import counted
 import numpy as np
 from rclpy.node import Node
@@ -39,7 +39,7 @@ class Reception:
         self.subscription = DrainedSubscription(node, message_class(values[parameter]), topic,
                                                 queue, f'{half}_topic')
         self.facts = Facts(self.subscription.topic, self.subscription.depth, expected, half)
-        self.announcements = Announcements(log, self.facts.topic)
+        self.changes = LogOfChanges(log, self.facts.topic)
         self._node = node
         self._waiting: list[tuple[Ints, Batch]] = []
         self._publishers = Publishers(self.subscription.publisher_gids)

@@ -8,7 +8,7 @@ import time
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import diagnostics_message, timeline_counts
 from imu_allan.node.log import Log
-from imu_allan.node.publications import Publications
+from imu_allan.node.output_topics import OutputTopics
 from imu_allan.node.reception import Reception
 from imu_allan.node.run import Lane, Run, useless
 from imu_allan.result import Result
@@ -24,11 +24,11 @@ LOOK_S = 10.0
 class Reports:
     """Collects, logs and publishes the facts about each topic."""
 
-    def __init__(self, node: Node, receptions: Sequence[Reception], publications: Publications,
+    def __init__(self, node: Node, receptions: Sequence[Reception], outputs: OutputTopics,
                  log: Log) -> None:
         self._node = node
         self._receptions = receptions
-        self._publications = publications
+        self._outputs = outputs
         self._log = log
         self._last = self._last_look = time.monotonic()
         self._last_cpu = time.process_time()
@@ -44,13 +44,13 @@ class Reports:
         for reception in self._receptions:
             if received:
                 reception.facts.cpu_s = (cpu - self._last_cpu) / received
-            reception.announcements.see_reception(reception.facts)
+            reception.changes.see_reception(reception.facts)
             reception.facts.pause_s = 0.0
         self._last, self._last_cpu = now, cpu
         facts = self._receptions[0].facts
-        self._receptions[0].announcements.see_progress(now, facts, result)
-        watched = bool(self._publications.diagnostics.get_subscription_count())
-        waited_for = any(reception.facts.received > 0 and reception.announcements.began is None
+        self._receptions[0].changes.see_progress(now, facts, result)
+        watched = bool(self._outputs.diagnostics.get_subscription_count())
+        waited_for = any(reception.facts.received > 0 and reception.changes.began is None
                          for reception in self._receptions)
         if watched or waited_for or now - self._last_look >= LOOK_S:
             self._last_look = now
@@ -59,7 +59,7 @@ class Reports:
             topics = [(reception.facts, self._look(now, lane, reception))
                       for reception, lane in zip(self._receptions, run.lanes, strict=True)]
             if watched:
-                self._publications.diagnostics.publish(diagnostics_message(
+                self._outputs.diagnostics.publish(diagnostics_message(
                     self._node.get_fully_qualified_name(), self._node.get_clock().now().to_msg(),
                     topics, result))
                 for reception in self._receptions:
@@ -80,5 +80,5 @@ class Reports:
         summary = snapshot.summary()
         facts.timeline, facts.moved_s = summary.timeline, summary.excluded_s
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
-        reception.announcements.see_timeline(now, facts, summary)
+        reception.changes.see_timeline(now, facts, summary)
         return summary

@@ -16,10 +16,10 @@ from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.finding_messages import with_words
-from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.shown_terms import rest_s, ShownTerms
 from imu_allan.node.standards import DatasheetLooks
+from imu_allan.node.state_file import UnusableState
 from imu_allan.recordings.repeated_messages import Seen
 from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
-from imu_allan.node.checkpoint import UnusableState
+from imu_allan.node.state_file import UnusableState
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE

@@ -12,7 +12,7 @@ from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import SIMULATOR, TOPIC
 from imu_allan.node.parameters import declare, warn_of_unknown
-from imu_allan.node.process import StopRequest
+from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import find_model, load_model

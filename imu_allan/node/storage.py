@@ -14,11 +14,11 @@ import time
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
 from imu_allan.node.run import fitted, LaneSnapshot, new_run, pack, Run, Setup, unpack
+from imu_allan.node.state_file import StateFile, UnusableState
 from imu_allan.node.worker import TooEarly, Worker
 from imu_allan.result import Result
 from imu_allan.wording import duration

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.log import Log
-from imu_allan.node.process import give_back_memory
+from imu_allan.node.program import give_back_memory
 
 T = TypeVar('T')
 

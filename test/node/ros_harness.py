@@ -20,9 +20,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.characterization import Characterization
-from imu_allan.node.checkpoint import decode_state
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.state_file import decode_state
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Timeline
 from imu_allan.state import part_of
@@ -488,10 +488,10 @@ def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
 import json, sys
 from imu_allan.node.characterization_node import CharacterizationNode
 from imu_allan.node.interface import CHARACTERIZATION
-from imu_allan.node.process import run_process
+from imu_allan.node.program import run_program
 CharacterizationNode.serve = lambda node, stop: 0
 for arguments in json.loads(sys.argv[1]):
-    status = run_process(CHARACTERIZATION, ['--ros-args', *arguments])
+    status = run_program(CHARACTERIZATION, ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]

@@ -10,7 +10,7 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.checkpoint import StateFile
+from imu_allan.node.state_file import StateFile
 from imu_allan.writers.result_file import load_result
 from imu_allan.writers.verdict_lines import closing_lines
 from processes import interrupted, python

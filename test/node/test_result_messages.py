@@ -12,13 +12,13 @@ from exact_results import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.finding import finding
 from imu_allan.finding_messages import message_of, with_words
 from imu_allan.node import diagnostics
-from imu_allan.node.announcements import Announcements, progress_line
-from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.log import Log
+from imu_allan.node.log_of_changes import LogOfChanges, progress_line
 from imu_allan.node.result_messages import result_messages
 from imu_allan.node.run import fitted, Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
+from imu_allan.node.state_file import decode_state, encode_state
 from imu_allan.result import Coefficient, GoodnessOfFit, Timeline, Tone, TurnOnBias
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -166,14 +166,14 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
 
 
 def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(heard):
-    announcements = Announcements(Log(lambda: heard), '/imu')
+    changes = LogOfChanges(Log(lambda: heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
                 temperature_topic='/warmth', temperature_missing=True)
     moving = summary(moving=True, clock_jumps=1)
     for now in range(100):
-        announcements.see_reception(bad)
-        announcements.see_timeline(now, bad, moving)
+        changes.see_reception(bad)
+        changes.see_timeline(now, bad, moving)
     begun = [one for one in (*diagnostics.reception_conditions(bad),
                              *diagnostics.timeline_conditions(bad, moving))
              if one.present and one.over is not None]
@@ -186,8 +186,8 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     good = facts(malformed=1, lost=3, pause_s=4.0, expected_rate=100.0,
                  temperature_topic='/warmth')
     for now in range(101, 200):
-        announcements.see_reception(good)
-        announcements.see_timeline(now, good, summary(
+        changes.see_reception(good)
+        changes.see_timeline(now, good, summary(
             timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
     assert heard.lines == [
         'info no other node has the same name any more',
@@ -204,13 +204,13 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
 
 
 def test_progress_is_reported_every_minute_and_later_every_hour(heard):
-    announcements = Announcements(Log(lambda: heard), '/imu')
+    changes = LogOfChanges(Log(lambda: heard), '/imu')
     result = with_coefficient(only(streamed([at_rest(6000, seed=2)]).result(), 'gyro'), 'gyro_x',
                               'bias_instability', observable_in_s=60.0)
-    announcements.see_timeline(0.0, facts(), summary())
+    changes.see_timeline(0.0, facts(), summary())
     heard.lines.clear()
     for second in range(2 * 3600 + 700):
-        announcements.see_progress(float(second), facts(), result)
+        changes.see_progress(float(second), facts(), result)
     # At 1 to 10 minutes, then after an hour each.
     assert len(heard.lines) == 10 + 2
     shown = ('observable of 3 axes: noise density of 3; next: bias instability of gyro x in about '

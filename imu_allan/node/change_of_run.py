@@ -13,10 +13,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from imu_allan.block import ImuBlock
-from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.publishers import MIXED
 from imu_allan.node.run import new_run, Run, Setup
 from imu_allan.node.same_imu import (
     FEWEST_MESSAGES,
@@ -27,6 +25,8 @@ from imu_allan.node.same_imu import (
     LOOK_S,
     messages,
 )
+from imu_allan.node.sequence_numbers import MIXED
+from imu_allan.node.state_file import UnusableState
 from imu_allan.wording import duration
 
 

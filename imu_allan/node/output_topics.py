@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray, String
 
 
-class Publications:
+class OutputTopics:
     """All publishers of the node."""
 
     def __init__(self, node: Node) -> None:

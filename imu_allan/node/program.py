@@ -35,7 +35,7 @@ def give_back_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def run_process(interface: Interface, args: Sequence[str] | None = None) -> int:
+def run_program(interface: Interface, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     program, given = interface.program, sys.argv[1:] if args is None else args
     if wants_help(given):

@@ -31,7 +31,7 @@ REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
 
 
-class Announcements:
+class LogOfChanges:
     """Compares the current state with the previous one, and logs what has changed."""
 
     def __init__(self, log: Log, topic: str) -> None:
