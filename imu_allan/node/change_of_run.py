@@ -20,7 +20,6 @@ from imu_allan.node.same_imu import (
     FEWEST_MESSAGES,
     in_parts,
     Known,
-    LEVEL_MESSAGES,
     LONGEST_LOOK_S,
     LOOK_S,
     messages,
@@ -36,6 +35,7 @@ class _Topic:
 
     number: int
     facts: Facts
+    offers: Callable[[], set[str]]  # returns the GIDs of the publishers that are there
     publisher: int | None = None  # whose messages are in use
     heard_ns: int = 0  # receive time of its last message
     elsewhere: bool = False  # its messages are from another IMU than that of the run
@@ -57,31 +57,38 @@ class _Topic:
 class Runs:
     """The current run, and one of another IMU that may replace it."""
 
-    def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
+    def __init__(self, setup: Setup, run: Run,
+                 topics: Sequence[tuple[Facts, Callable[[], set[str]]]],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
-                 log: Log, offers: Callable[[int], set[str]]) -> None:
+                 log: Log) -> None:
         self.run = run
         self._setup = setup
         self._look_s = look_s
         self._replaced = replaced
         self._log = log
-        self._offers = offers
-        self._topics = [_Topic(number, each) for number, each in enumerate(facts)]
-        self._other: Run | None = None
-        # Runs that were replaced, whose IMUs may come back.
-        self._left: list[Run] = []
+        self._topics = [_Topic(number, *each) for number, each in enumerate(topics)]
+        # Runs of other IMUs: the latest, and those that were replaced and may come back.
+        self._others: list[Run] = []
         self._why = UnusableState('', '')
+
+    @property
+    def _other(self) -> Run | None:
+        """Return the run that messages of another IMU go to."""
+        return self._others[0] if self._others else None
 
     @property
     def unproven(self) -> Run | None:
         """Return the run of another IMU that has not replaced this one yet, or not again."""
-        settled = self._other is None or (
-            self._other.over and not any(topic.elsewhere for topic in self._topics))
-        return None if settled else self._other
+        other = self._other
+        return other if other is not None and (not other.over or self._any_elsewhere) else None
+
+    @property
+    def _any_elsewhere(self) -> bool:
+        return any(topic.elsewhere for topic in self._topics)
 
     def begin_anew(self) -> None:
         """Begin a new run and drop held messages; the publishers stay known."""
-        self._other, self._left = None, []
+        self._others = []
         for topic in self._topics:
             topic.holding, topic.held, topic.facts.on_probation = None, [], False
         self._take_up(new_run(self._setup))
@@ -135,9 +142,8 @@ class Runs:
         # A new publisher is recognized by its noise level, which takes more messages. The first
         # one after a restart waits for them only if a crash may lose that much.
         first = topic.publisher is None and self._look_s() < LOOK_S
-        fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
         if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
-                                       fewest=fewest):
+                                       few=first or publisher == topic.publisher):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -191,24 +197,23 @@ class Runs:
             self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '
                            'it goes on')
             lane.power_on()
-        elif self._is_started_anew(lane.known, topic) if was is None else is_new and lane.fed:
+        elif self._is_started_anew(topic, lane.known) if was is None else is_new and lane.fed:
             self._log.info(f'the driver on {topic.facts.topic} was started anew: the IMU may have '
                            'been switched off and on, so its mean is another one from here on')
             lane.power_on()
         lane.known.publishers = []
         self._feed(topic, held)
 
-    def _is_started_anew(self, known: Known, topic: _Topic) -> bool:
+    def _is_started_anew(self, topic: _Topic, known: Known) -> bool:
         """Return whether the driver, by its publishers, restarted while the node was down."""
-        there = self._offers(topic.number)
+        there = topic.offers()
         return bool(there and known.publishers) and there.isdisjoint(known.publishers)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              by_level: bool, is_new: bool) -> None:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
         number, before = topic.number, self._other
-        runs = [run for run in (before, *self._left) if run is not None]
-        other = next((run for run in runs if run.lanes[number].known.mismatch(
+        other = next((run for run in self._others if run.lanes[number].known.mismatch(
             held, by_level=by_level) is None), None)
         if other is None:
             other = new_run(self._setup)
@@ -220,9 +225,9 @@ class Runs:
         elif is_new or other is not before:
             other.lanes[number].power_on()
         was_there, topic.elsewhere, self._why = topic.elsewhere and other is before, True, why
-        self._other = other
         # Each takes some megabytes.
-        self._left = [run for run in runs if run.over and run is not other][:3]
+        self._others = [other, *[run for run in self._others
+                                 if run.over and run is not other][:3]]
         if not was_there:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '
@@ -235,7 +240,7 @@ class Runs:
         lane = run.lanes[number]
         lane.update(blocks)
         if not lane.known.publishers:
-            lane.known.publishers = sorted(self._offers(number))
+            lane.known.publishers = sorted(topic.offers())
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
@@ -243,7 +248,7 @@ class Runs:
             topic.looked_s += lane.known.lasted_s(blocks)
             if run.span_s >= self._proof_s():
                 self._replace()
-        elif self._other is not None and any(one.elsewhere for one in self._topics):
+        elif self._other is not None and self._any_elsewhere:
             # If one sensor of the IMU begins a new run, so does the other.
             self._other.lanes[number].update(blocks)
 
@@ -260,7 +265,7 @@ class Runs:
         begins = 'the run of before goes on' if run.over else 'a new run begins'
         self._log.warning(f'{begins}, the one before cannot go on: {self._why}', 'new run', 0.0)
         self._replaced(before, self._why)
-        self._other = before
+        self._others[0] = before
         self._take_up(run)
 
     def _take_up(self, run: Run) -> None:

@@ -107,10 +107,10 @@ class CharacterizationNode(AnyExecutorNode):
         self._reports = Reports(self, self._receptions, self._outputs, self._log)
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
-        self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
-                          lambda: min(LOOK_S, values['checkpoint_period'] / 2),
-                          self._leave, self._log,
-                          lambda number: self._receptions[number].subscription.publisher_gids())
+        self._runs = Runs(self._setup, run, [
+            (reception.facts, reception.subscription.publisher_gids)
+            for reception in self._receptions],
+            lambda: min(LOOK_S, values['checkpoint_period'] / 2), self._leave, self._log)
 
         self._calls = ServiceCalls(self)
         self._calls.offer(Trigger, '~/save', self._save)
@@ -304,7 +304,7 @@ class CharacterizationNode(AnyExecutorNode):
                 lambda: self._storage.save_files_at_end(self._run),
                 # Nothing is published any more, but the outcome of writing files is logged.
                 lambda: self._worker.finish({'save', 'checkpoint'}))]
-            if (result := self._storage.saved_of(self._run) or self._fitting.latest) is not None:
+            if (result := self._run.saved or self._fitting.latest) is not None:
                 for line in closing_lines(result, self._values['aiding_interval'],
                                           self._values['coast']):
                     self._log.info(line)

@@ -132,6 +132,8 @@ class Run:
         self.mark = mark or secrets.token_hex(2)
         # Messages in the last fit and checkpoint.
         self.fitted = self.checkpointed = 0
+        # What the files that were last written show.
+        self.saved: Result | None = None
         # Whether another run has replaced it.
         self.over = False
         # Both are updated by the thread that fits.

@@ -32,8 +32,6 @@ _GROUP = 32
 """Samples per group; each group gives one noise level."""
 _FEWEST_GROUPS = 4
 """With fewer groups their scatter cannot be estimated. Chosen by judgment."""
-LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
-"""Fewest messages whose noise level can be compared."""
 
 
 @dataclass
@@ -59,7 +57,7 @@ class Known(Record):
         own = [block for block in blocks if block.frame_id == self.frame_id]
         if own:
             # At 100 Hz fewer samples come at a time than a group has.
-            samples = _changes(self._ungrouped, *(block.samples for block in own))
+            samples = _changes(own, after=self._ungrouped)
             levels = _levels(samples)
             self._ungrouped = samples[len(levels) * _GROUP:].copy()
             # 20 s at 200 Hz.
@@ -127,8 +125,7 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        samples = _changes(*(block.samples for block in blocks))
-        ratio = self._level_ratio(_levels(samples), 5.0) if by_level else None
+        ratio = self._level_ratio(_levels(_changes(blocks)), 5.0) if by_level else None
         if ratio is not None:
             return UnusableState('noise', 'another publisher sends messages whose noise is '
                                  f'{ratio:.2f} times as large, as another sensor would')
@@ -139,10 +136,14 @@ class Known(Record):
         return self._level_ratio(other.levels, 5.0) is not None
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
-                 fewest: int) -> bool:
-        """Return whether there are enough messages to decide if they are from this IMU."""
+                 few: bool) -> bool:
+        """
+        Return whether there are enough messages to decide if they are from this IMU.
+
+        If `few` do not suffice, there have to be enough to compare their noise level.
+        """
         count, lasted = messages(blocks), self.lasted_s(blocks)
-        samples = _changes(*(block.samples for block in blocks))
+        samples = _changes(blocks)
         if count >= _MOST_MESSAGES:
             return True
         if count < FEWEST_MESSAGES or lasted < seconds:
@@ -150,6 +151,7 @@ class Known(Record):
         # A small difference may be random, or hide a real one; jitter does not cause 30 %.
         by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
             by_level and self._level_ratio(_levels(samples), 2.0) is not None)
+        fewest = FEWEST_MESSAGES if few else _FEWEST_GROUPS * _GROUP + 1
         return lasted >= LONGEST_LOOK_S or (len(samples) >= fewest and not by_chance)
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
@@ -217,9 +219,10 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
         yield part
 
 
-def _changes(*parts: Array) -> Array:
+def _changes(blocks: Sequence[ImuBlock], after: Array | None = None) -> Array:
     """Join samples without those of a polled sensor that repeat the one before."""
-    samples = np.concatenate([np.empty((0, 6)), *parts])
+    before = np.empty((0, 6)) if after is None else after
+    samples = np.concatenate([before, *(block.samples for block in blocks)])
     changed = np.ones(len(samples), bool)
     changed[1:] = (samples[1:] != samples[:-1]).any(axis=1)
     return samples[changed]

@@ -20,7 +20,6 @@ from imu_allan.node.log import Log
 from imu_allan.node.run import fitted, LaneSnapshot, new_run, pack, Run, Setup, unpack
 from imu_allan.node.state_file import StateFile, UnusableState
 from imu_allan.node.worker import TooEarly, Worker
-from imu_allan.result import Result
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
 
@@ -79,7 +78,6 @@ class Storage:
         self._values = values
         self.has_resumed = False
         self._next_save: _NextSave | None = None
-        self._saved: tuple[Run, Result] | None = None
         self._last_checkpoint = time.monotonic()
 
     def close(self, is_over: bool) -> None:
@@ -220,7 +218,7 @@ class Storage:
             own = at_home(folder, 'output_dir') / re.sub(
                 r'[^A-Za-z0-9_-]+', '-',
                 f'{self._node_name.strip("/")}_{start}_{run.mark}'.replace('/', '_'))
-            self._saved = run, result
+            run.saved = result
             try:
                 return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
@@ -236,10 +234,6 @@ class Storage:
 
         self._next_save = _NextSave(of, run.fed, waiting, self._worker.start('save', work, note))
         return self._next_save.future
-
-    def saved_of(self, run: Run) -> Result | None:
-        """Return what a run was last saved as."""
-        return self._saved[1] if self._saved is not None and self._saved[0] is run else None
 
     # -- the end --------------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ T = TypeVar('T')
 
 
 class TooEarly(ImuAllanError):
-    """Raised if there is nothing to work on yet; the caller is told, and it is no fault."""
+    """Raised if there is nothing to work on yet; only the caller learns of it."""
 
 
 class Worker:
@@ -54,13 +54,13 @@ class Worker:
             kind, future, done = job
             error = future.exception()
             if not isinstance(error, TooEarly):
-                self.errors[kind] = self._told(kind, error)
+                self.errors[kind] = self._logged(kind, error)
             if error is None:
                 done(future.result())
         if finished:
             give_back_memory()
 
-    def _told(self, kind: str, error: BaseException | None) -> str:
+    def _logged(self, kind: str, error: BaseException | None) -> str:
         """Log an error, if any, and return it as a line."""
         if error is None:
             return ''

@@ -50,9 +50,9 @@ class World:
         # Who is there, and the runs that others have taken the place of.
         self.there = set()
         self.replaced = []
-        self.runs = Runs(setup, run or new_run(setup), self.facts, lambda: 0.5,
-                         lambda run, why: self.replaced.append((run, why)), Log(lambda: heard),
-                         lambda _: self.there)
+        self.runs = Runs(setup, run or new_run(setup),
+                         [(facts, lambda: self.there) for facts in self.facts], lambda: 0.5,
+                         lambda run, why: self.replaced.append((run, why)), Log(lambda: heard))
 
     def comes(self, *blocks, publisher=1, number=0, together=100):
         """Take messages in bundles of so many; then the node knows by which stamps they come."""
