@@ -207,7 +207,7 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'{_cause_of_loss(facts)}',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
         Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
-        Condition('thermometer', facts.temperature_missing, WARN,
+        Condition('thermometer missing', facts.temperature_missing, WARN,
                   f'nothing publishes {thermometer}: there is no temperature',
                   f'the thermometer on {thermometer} is there'),
         Condition('thermometer silent',

@@ -6,7 +6,7 @@ What the node logs by itself: every change of state once, and progress from time
 Each `see_` method receives the current state and compares it with the previous one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, message_of, title_of
@@ -16,6 +16,7 @@ from imu_allan.node.diagnostics import (
     reception_conditions,
     timeline_conditions,
     waiting_for,
+    WARN,
 )
 from imu_allan.node.log import Log
 from imu_allan.node.shown_terms import rest_s
@@ -37,7 +38,10 @@ class LogOfChanges:
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
         self._topic = topic
-        self._reported: dict[str, bool] = {}
+        # Conditions that are present, by where they are seen and by name.
+        self._present: dict[str, dict[str, Condition]] = {}
+        # Names of those whose beginning was reported, each with the text for its end.
+        self._reported: dict[str, str] = {}
         self._overrun = False
         self._silence = ''
         self._levels: dict[str, str] = {}
@@ -49,17 +53,15 @@ class LogOfChanges:
         self.began: float | None = None
         # Time of the last progress line, since then.
         self._progress_s = 0.0
-        # Codes of the latest findings, and findings that were reported, by code.
-        self._found: dict[str, set[str]] = {}
-        self._said: dict[str, Finding] = {}
-        for name in ('moving', 'expected_rate', 'jumped', 'rejected'):
-            self._reported.pop(name, None)
+        self._present = {'reception': self._present.get('reception', {})}
+        self._reported = {name: over for name, over in self._reported.items()
+                          if name in self._present['reception']}
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts) -> None:
         """Report publishers that appear or leave, lost messages, and messages after a pause."""
         self._overrun = facts.recent['overrun'] > 0
-        self._see(reception_conditions(facts))
+        self._see('reception', reception_conditions(facts))
         if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
             self._log.info(f'messages come on {self._topic} again after {facts.pause_s:.0f} s '
                            'without', f'pause {self._topic}')
@@ -71,17 +73,18 @@ class LogOfChanges:
                 f'silence {self._topic}'):
             self._silence = why
 
-    def _see(self, conditions: Sequence[Condition]) -> None:
+    def _see(self, where: str, conditions: Iterable[Condition]) -> None:
         """Report conditions that begin, and the end of those whose beginning was reported."""
-        for name, present, _, message, over in conditions:
-            if over is None:
-                continue
-            if not present:
-                if self._reported.pop(name, False) and over:
-                    self._log.info(over)
-            elif not self._reported.get(name):
-                self._reported[name] = self._log.warning(
-                    message, f'{name} {self._topic}', REPEAT_S)
+        seen = self._present[where] = {
+            one.name: one for one in conditions if one.present and one.over is not None}
+        present = set().union(*self._present.values())
+        for name in [name for name in self._reported if name not in present]:
+            if over := self._reported.pop(name):
+                self._log.info(over)
+        for name, one in seen.items():
+            if name in self._reported or self._log.warning(
+                    one.message, f'{name} {self._topic}', REPEAT_S):
+                self._reported[name] = one.over or ''
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
         """Report the first sample, faults of the clock and the samples, and motion."""
@@ -92,8 +95,8 @@ class LogOfChanges:
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
                            f'{summary.clock or "no"} stamps')
-        self._see_findings('timeline', for_display(summary.remarks))
-        self._see(timeline_conditions(facts, summary))
+        self._see_findings('findings', for_display(summary.remarks))
+        self._see('timeline', timeline_conditions(facts, summary))
 
     def see_result(self, result: Result) -> None:
         """Report coefficients that become observable or cease to be, and new findings."""
@@ -144,19 +147,15 @@ class LogOfChanges:
             result, facts.timeline or result.timeline, facts.moved_s,
             comes=facts.silent_s < PAUSE_S))
 
-    def _see_findings(self, source: str, findings: Sequence[Finding]) -> None:
+    def _see_findings(self, where: str, findings: Sequence[Finding]) -> None:
         """Report new findings, and those that few samples showed by chance and more do not."""
-        self._found[source] = {found.code for found in findings}
-        for code in self._said.keys() - set().union(*self._found.values()):
-            self._log.info(f'no longer found: {title_of(self._said.pop(code))}')
         # Progress lines, or conditions of their own, report these.
         elsewhere = {'short_recording', 'motion', 'mostly_motion', 'unknown_rate', 'clock_jumps'}
-        for found in findings:
-            # While the queue overruns, any other fault of the samples may be caused by that.
-            if (not self._overrun and found.code not in self._said.keys() | elsewhere
-                    and self._log.warning(message_of(found, live=True),
-                                          f'{found.code} {self._topic}', REPEAT_S)):
-                self._said[found.code] = found
+        # While the queue overruns, any other fault of the samples may be caused by that.
+        self._see(where, [Condition(found.code, True, WARN, message_of(found, live=True),
+                                    f'no longer found: {title_of(found)}')
+                          for found in findings if found.code not in elsewhere
+                          and (not self._overrun or found.code in self._reported)])
 
 
 def progress_line(result: Result, timeline: Timeline, moved_s: float = 0.0, *,

@@ -169,8 +169,9 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     changes = LogOfChanges(Log(lambda: heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
-                temperature_topic='/warmth', temperature_missing=True)
-    moving = summary(moving=True, clock_jumps=1)
+                malformed=1, lost=3, temperature_topic='/warmth', temperature_missing=True)
+    rejected = Timeline(100.0, 1000, 10.0, rejected=1)
+    moving = summary(moving=True, clock_jumps=1, timeline=rejected)
     for now in range(100):
         changes.see_reception(bad)
         changes.see_timeline(now, bad, moving)
@@ -187,8 +188,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
                  temperature_topic='/warmth')
     for now in range(101, 200):
         changes.see_reception(good)
-        changes.see_timeline(now, good, summary(
-            timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
+        changes.see_timeline(now, good, summary(timeline=rejected))
     assert heard.lines == [
         'info no other node has the same name any more',
         'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
