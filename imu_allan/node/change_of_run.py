@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from imu_allan.block import ImuBlock
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, Run, Setup
 from imu_allan.node.same_imu import (

@@ -7,7 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.facts import Facts
 from imu_allan.node.log_of_changes import LogOfChanges
 from imu_allan.node.output_topics import OutputTopics
 from imu_allan.node.result_messages import result_messages

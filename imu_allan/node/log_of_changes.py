@@ -12,12 +12,12 @@ from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, message_of, title_of
 from imu_allan.node.diagnostics import (
     Condition,
-    Facts,
     reception_conditions,
     timeline_conditions,
     waiting_for,
     WARN,
 )
+from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.shown_terms import rest_s
 from imu_allan.noise.terms import TERMS

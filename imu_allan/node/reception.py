@@ -11,8 +11,8 @@ from imu_allan.arrays import Ints
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
+from imu_allan.node.facts import Facts
 from imu_allan.node.imu_type import Decode, decoder, message_class
 from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log

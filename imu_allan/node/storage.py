@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.facts import Facts
 from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
 from imu_allan.node.run import fitted, LaneSnapshot, new_run, pack, Run, Setup, unpack

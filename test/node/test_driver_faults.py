@@ -37,7 +37,7 @@ def meanwhile(driver, condition):
 def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(ros, health):
     topic = ros.name('imu/temperature')
     node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
-                     constants={'diagnostics.RECENT_S': 5.0, 'thermometer.MATCHING_S': 1.0,
+                     constants={'facts.RECENT_S': 5.0, 'thermometer.MATCHING_S': 1.0,
                                 'thermometer.SILENCE_S': 5.0})
     driver = Driver(ros).wait_for_node()
     missing = f'nothing publishes {topic}: there is no temperature'

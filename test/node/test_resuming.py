@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given, settings, strategies
 from imu_allan.errors import ImuAllanError
 from imu_allan.node import state_file as state_module
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.state_file import decode_state, encode_state, StateFile, UnusableState, VERSION

@@ -11,7 +11,7 @@ from unittest.mock import Mock
 
 from imu_allan.node import run as run_module
 from imu_allan.node.change_of_run import Runs
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.facts import Facts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
 from imu_allan.node.run import fitted, new_run, pack, Setup, unpack
