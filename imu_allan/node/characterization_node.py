@@ -293,6 +293,8 @@ class CharacterizationNode(AnyExecutorNode):
             if self._ended:
                 return True
             self._ended = True
+            # Nothing is published any more, but the outcome of writing files is logged.
+            self._worker.drop_all_but({'save', 'checkpoint'})
             # Every step is attempted, even if an earlier one has failed.
             done = [self._attempt(step) for step in (
                 lambda: self._catch_up(time.monotonic()),
@@ -302,8 +304,7 @@ class CharacterizationNode(AnyExecutorNode):
                 lambda: (self._runs.unproven is None
                          or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
                 lambda: self._storage.save_files_at_end(self._run),
-                # Nothing is published any more, but the outcome of writing files is logged.
-                lambda: self._worker.finish({'save', 'checkpoint'}))]
+                self._worker.finish)]
             if (result := self._run.saved or self._fitting.latest) is not None:
                 for line in closing_lines(result, self._values['aiding_interval'],
                                           self._values['coast']):

@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator, Sequence
 import contextlib
-import ctypes
 from importlib import import_module
 from itertools import pairwise
 import os
@@ -25,14 +24,6 @@ class StopRequest:
     def receive(self, *_: object) -> None:
         """Handle a signal: without a lock, on which a second signal would wait for ever."""
         self.requested = True
-
-
-def give_back_memory() -> None:
-    """Return free memory to the system, where the C library can (GNU)."""
-    # Threads of the middleware allocate messages and ours frees them. This scatters free memory
-    # over ever more pages, which would otherwise never be returned.
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def run_program(interface: Interface, args: Sequence[str] | None = None) -> int:

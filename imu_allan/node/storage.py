@@ -239,7 +239,6 @@ class Storage:
 
     def save_state_at_end(self, run: Run) -> bool:
         """Write the state if it is newer than the last checkpoint; return whether that worked."""
-        self._worker.drop_queued(('fit', 'plot', 'output_dir'))
         future = None if run.fed == run.checkpointed else self.checkpoint(run)
         return future is None or future.exception() is None
 

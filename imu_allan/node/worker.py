@@ -9,13 +9,14 @@ meanwhile would lose the latest samples.
 
 from collections.abc import Callable, Container
 from concurrent.futures import Future, ThreadPoolExecutor
+import contextlib
+import ctypes
 from functools import partial
 import gc
 from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.log import Log
-from imu_allan.node.program import give_back_memory
 
 T = TypeVar('T')
 
@@ -58,7 +59,7 @@ class Worker:
             if error is None:
                 done(future.result())
         if finished:
-            give_back_memory()
+            _give_back_memory()
 
     def _logged(self, kind: str, error: BaseException | None) -> str:
         """Log an error, if any, and return it as a line."""
@@ -71,17 +72,17 @@ class Worker:
         self._log.bug(error, 'the node goes on')
         return f'internal error, see the log: {printable(error)}'
 
-    def drop_queued(self, kinds: Container[str]) -> None:
-        """Cancel the jobs of these kinds that have not begun."""
-        self._jobs = [(kind, future, done) for kind, future, done in self._jobs
-                      if kind not in kinds or not future.cancel()]
+    def drop_all_but(self, kinds: Container[str]) -> None:
+        """Cancel queued jobs of other kinds; nobody takes what one that has begun returns."""
+        for kind, future, _ in self._jobs:
+            if kind not in kinds:
+                future.cancel()
+        self._jobs = [job for job in self._jobs if job[0] in kinds]
 
-    def finish(self, kinds: Container[str]) -> None:
-        """Wait for running jobs, cancel queued ones, and hand out finished ones of these kinds."""
+    def finish(self) -> None:
+        """Wait for all jobs, and hand them out."""
         for thread in (self._keeper, self._thread):
-            thread.shutdown(wait=True, cancel_futures=True)
-        self._jobs = [(kind, future, done) for kind, future, done in self._jobs
-                      if kind in kinds and not future.cancelled()]
+            thread.shutdown()
         self.hand_out()
 
 
@@ -92,3 +93,11 @@ def _draw(work: Callable[[], T]) -> T:
     finally:
         # A figure is 8 MB in cycles. By itself Python frees them only after a dozen or two.
         gc.collect()
+
+
+def _give_back_memory() -> None:
+    """Return free memory to the system, where the C library can (GNU)."""
+    # Threads of the middleware allocate messages and ours frees them. This scatters free memory
+    # over ever more pages, which would otherwise never be returned.
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
