@@ -38,10 +38,9 @@ class Publishers:
         self._known: list[_Publisher] = []
         # Number of publishers so far, which gives the key of the next one.
         self._begun = 0
+        # GIDs present at the last check and, without numbers, when the publisher began.
         self._gids: set[str] = set()
-        # Without numbers: GIDs present when the publisher began, and at its last message.
         self._own: set[str] = set()
-        self._heard: set[str] = set()
 
     def delivering(self, now_ns: int) -> int:
         """Count the publishers that send now; a driver that has restarted counts once."""
@@ -110,10 +109,10 @@ class Publishers:
         gone = bool(there and self._own and not there & self._own)
         # The GID of a driver that was killed remains for a while.
         silent = bool(known) and now_ns - known[-1].last_ns > _TAKEOVER_NS
-        if not known or gone or (silent and not there <= self._heard and self._heard):
+        if not known or gone or (silent and not there <= self._gids and self._gids):
             self._known = [one for one in self._known if one.number >= 0]
-            self._own, known = there - self._heard or there, [self._begin(-1, now_ns)]
-        self._own, self._heard = self._own or there, there or self._heard
+            self._own, known = there - self._gids or there, [self._begin(-1, now_ns)]
+        self._own, self._gids = self._own or there, there or self._gids
         return known[-1]
 
     def _newcomers(self) -> bool:
