@@ -294,7 +294,7 @@ class CharacterizationNode(AnyExecutorNode):
                 return True
             self._ended = True
             # Nothing is published any more, but the outcome of writing files is logged.
-            self._worker.drop_all_but({'save', 'checkpoint'})
+            self._worker.drop_all_but({'save', 'checkpoint', 'aside'})
             # Every step is attempted, even if an earlier one has failed.
             done = [self._attempt(step) for step in (
                 lambda: self._catch_up(time.monotonic()),

@@ -31,8 +31,8 @@ SILENT_S = 2.0
 """After this long without a message, reception has stopped and no waiting times are predicted."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-Status = tuple[bytes, str]
-"""Level and message."""
+Status = tuple[bytes, str, Mapping[str, object]]
+"""Level, message and values."""
 
 
 class Condition(NamedTuple):
@@ -52,26 +52,18 @@ def diagnostics_message(node_name: str, stamp: Time,
     """Return all statuses of the node."""
     array = DiagnosticArray()
     array.header.stamp = stamp
-    parts: list[tuple[str, str, Status, Mapping[str, object]]] = []
+    statuses: dict[str, tuple[str, Status]] = {}
     for facts, summary in topics:
         which = f' {facts.half}' if facts.half else ''
-        parts += [(f'reception{which}', facts.topic, _worst(
-                      reception_conditions(facts),
-                      f'receiving {facts.received_hz:.4g} messages per second'),
-                   _reception_values(facts)),
-                  (f'timeline{which}', facts.topic, _timeline_status(facts, summary),
-                   _timeline_values(facts, summary))]
+        statuses |= {f'reception{which}': (facts.topic, _reception(facts)),
+                     f'timeline{which}': (facts.topic, _timeline(facts, summary))}
     facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
-    parts += [('estimation', both, _estimation_status(facts, result),
-               _estimation_values(facts, result)),
-              ('storage', both, _storage_status(facts), {
-                  'state_file': facts.state_file or None,
-                  'checkpoint_age_s': None if facts.checkpointed_at is None else
-                  time.monotonic() - facts.checkpointed_at})]
     levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
-    parts += [(one.standard, both, (levels[one.level], one.message), {})
-              for one in facts.comparisons]
-    for name, topic, (level, message), values in parts:
+    statuses |= {'estimation': (both, _estimation(facts, result)),
+                 'storage': (both, _storage(facts)),
+                 **{one.standard: (both, (levels[one.level], one.message, {}))
+                    for one in facts.comparisons}}
+    for name, (topic, (level, message, values)) in statuses.items():
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message, hardware_id=topic,
             values=key_values(values)))
@@ -90,7 +82,7 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
     return name, key, seconds
 
 
-def _worst(conditions: Sequence[Condition], otherwise: str) -> Status:
+def _worst(conditions: Sequence[Condition], otherwise: str) -> tuple[bytes, str]:
     return next(((condition.level, condition.message) for condition in conditions
                  if condition.present), (OK, otherwise))
 
@@ -153,13 +145,15 @@ def _cause_of_loss(facts: Facts) -> str:
             'qos_overrides')
 
 
-def _reception_values(facts: Facts) -> Mapping[str, object]:
-    return {'received': facts.received, 'lost': facts.lost, 'malformed': facts.malformed,
-            'passed_over': facts.skipped, 'mixed': facts.mixed_samples,
-            'publishers': facts.publishers,
-            'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
-            'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
-            'paused': facts.paused, 'temperature_c': facts.temperature_c}
+def _reception(facts: Facts) -> Status:
+    values = {'received': facts.received, 'lost': facts.lost, 'malformed': facts.malformed,
+              'passed_over': facts.skipped, 'mixed': facts.mixed_samples,
+              'publishers': facts.publishers,
+              'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
+              'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
+              'paused': facts.paused, 'temperature_c': facts.temperature_c}
+    return *_worst(reception_conditions(facts),
+                   f'receiving {facts.received_hz:.4g} messages per second'), values
 
 
 def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Condition]:
@@ -200,12 +194,6 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
                   f'no message is rejected any more; {_were(unusable(summary))} in all')]
 
 
-def _timeline_status(facts: Facts, summary: TimelineSummary) -> Status:
-    samples = summary.timeline.samples
-    return _worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
-                  f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz')
-
-
 def _rate(summary: TimelineSummary) -> float | None:
     return summary.measured_rate_hz or summary.timeline.sample_rate_hz
 
@@ -224,57 +212,55 @@ def unusable(summary: TimelineSummary) -> int:
         if remark.code in ('spikes', 'frozen', 'late_start'))
 
 
-def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:
+def _timeline(facts: Facts, summary: TimelineSummary) -> Status:
+    samples = summary.timeline.samples
     known = {**vars(summary.timeline), **vars(summary), 'rate_hz': summary.measured_rate_hz,
              'motion_excluded_s': summary.excluded_s,
              'rest_s': rest_s(summary.timeline, summary.excluded_s),
              'expected_rate_hz': facts.expected_rate or None}
-    return {key: known[key] for key in (
-        'rate_hz', 'jitter_s', 'clock', 'frame_id', 'samples', 'duration_s', 'missing',
-        'interpolated', 'gaps', 'longest_gap_s', 'duplicates', 'out_of_order', 'rejected',
-        'clock_jumps', 'header_repeats', 'moving', 'header_backward', 'motion_excluded_s',
-        'rest_s', 'expected_rate_hz')}
+    return *_worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
+                   f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz'), {
+        key: known[key] for key in (
+            'rate_hz', 'jitter_s', 'clock', 'frame_id', 'samples', 'duration_s', 'missing',
+            'interpolated', 'gaps', 'longest_gap_s', 'duplicates', 'out_of_order', 'rejected',
+            'clock_jumps', 'header_repeats', 'moving', 'header_backward', 'motion_excluded_s',
+            'rest_s', 'expected_rate_hz')}
 
 
-def _estimation_status(facts: Facts, result: Result | None) -> Status:
-    if error := facts.errors.get('fit'):
-        return ERROR, error
-    if result is None or not result.axes:
-        return OK, 'no result yet'
-    bad = [message_of(remark, live=True) for remark in result.warnings
-           if remark.severity == 'act' and remark.code not in _PASSED]
-    if bad:
-        return WARN, '; '.join(bad)
-    following = waiting_for(result)
-    if following is None or facts.silent_s > SILENT_S:
-        hidden = sum(not coefficient.observable for axis in result.axes.values()
-                     for coefficient in axis.coefficients.values())
-        return OK, (f'{hidden} coefficients are below what this data can show' if hidden
-                    else 'all coefficients are observable')
-    axis, key, seconds = following
-    return OK, (f'{key.replace("_", " ")} of {spoken(axis)} expected to be observable in '
-                f'{duration(seconds)}')
-
-
-def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, object]:
+def _estimation(facts: Facts, result: Result | None) -> Status:
     values: dict[str, object] = {'fit_duration_s': facts.fit_s}
+    level, message = OK, 'no result yet'
     if result is not None:
-        values['fitted_duration_s'] = result.timeline.duration_s
-        for key in TERMS:
-            values[f'observable/{key}'] = sum(axis.coefficients[key].observable
-                                              for axis in result.axes.values())
-        values |= remark_values(result.warnings)
-        following = waiting_for(result)
-        if following is not None and facts.silent_s <= SILENT_S:
+        observable = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
+                      for key in TERMS}
+        values |= {'fitted_duration_s': result.timeline.duration_s,
+                   **{f'observable/{key}': count for key, count in observable.items()},
+                   **remark_values(result.warnings)}
+        following = waiting_for(result) if facts.silent_s <= SILENT_S else None
+        hidden = len(TERMS) * len(result.axes) - sum(observable.values())
+        bad = [message_of(remark, live=True) for remark in result.warnings
+               if remark.severity == 'act' and remark.code not in _PASSED]
+        if following is not None:
             axis, key, seconds = following
             values |= {'next_observable': f'{axis} {key}', 'next_observable_in_s': seconds}
-    return values
+            message = (f'{key.replace("_", " ")} of {spoken(axis)} expected to be observable in '
+                       f'{duration(seconds)}')
+        elif result.axes:
+            message = (f'{hidden} coefficients are below what this data can show' if hidden
+                       else 'all coefficients are observable')
+        if result.axes and bad:
+            level, message = WARN, '; '.join(bad)
+    if error := facts.errors.get('fit'):
+        level, message = ERROR, error
+    return level, message, values
 
 
-def _storage_status(facts: Facts) -> Status:
-    for kind in 'checkpoint', 'save', 'output_dir':
-        if error := facts.errors.get(kind):
-            return ERROR, error
-    if not facts.state_file:
-        return OK, 'no state file: a crash or a reboot begins a new run'
-    return OK, facts.resumed or 'a new run'
+def _storage(facts: Facts) -> Status:
+    errors = [error for kind in ('checkpoint', 'aside', 'save', 'output_dir')
+              if (error := facts.errors.get(kind))]
+    message = (facts.resumed or 'a new run' if facts.state_file else
+               'no state file: a crash or a reboot begins a new run')
+    return ERROR if errors else OK, errors[0] if errors else message, {
+        'state_file': facts.state_file or None,
+        'checkpoint_age_s': None if facts.checkpointed_at is None else
+        time.monotonic() - facts.checkpointed_at}

@@ -151,9 +151,9 @@ class Storage:
             self._note_aside(f'the one before cannot go on, {why}; its state', aside)
             if unsaved:
                 self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
-                self._worker.errors['checkpoint'] = unsaved
+                self._worker.errors['aside'] = unsaved
 
-        self._worker.start('checkpoint', keep, note)
+        self._worker.start('aside', keep, note)
         # The next run has to be on the disk at once.
         self._last_checkpoint = time.monotonic() - self._values['checkpoint_period']
 
@@ -184,6 +184,7 @@ class Storage:
 
         def note(_: None) -> None:
             run.checkpointed, self._facts.checkpointed_at = fed, began
+            self._worker.errors['aside'] = ''
 
         return self._worker.start('checkpoint', lambda: state_file.save(state), note)
 

@@ -38,8 +38,9 @@ class Worker:
 
     def start(self, kind: str, work: Callable[[], T], done: Callable[[T], None]) -> Future[T]:
         """Queue `work`; `hand_out` passes what it returned to `done`."""
+        of_state = kind in ('checkpoint', 'aside')
         job = partial(_draw, work) if kind in ('plot', 'save') else work
-        future = (self._keeper if kind == 'checkpoint' else self._thread).submit(job)
+        future = (self._keeper if of_state else self._thread).submit(job)
         self._jobs.append((kind, future, done))
         return future
 
