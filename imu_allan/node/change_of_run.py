@@ -67,20 +67,15 @@ class Runs:
         self._replaced = replaced
         self._log = log
         self._topics = [_Topic(number, *each) for number, each in enumerate(topics)]
-        # Runs of other IMUs: the latest, and those that were replaced and may come back.
+        # Runs of other IMUs: the one that messages from elsewhere go to, if any do or did, and
+        # those that were replaced and may come back.
         self._others: list[Run] = []
         self._why = UnusableState('', '')
 
     @property
-    def _other(self) -> Run | None:
-        """Return the run that messages of another IMU go to."""
-        return self._others[0] if self._others else None
-
-    @property
     def unproven(self) -> Run | None:
         """Return the run of another IMU that has not replaced this one yet, or not again."""
-        other = self._other
-        return other if other is not None and (not other.over or self._any_elsewhere) else None
+        return next((run for run in self._others[:1] if not run.over or self._any_elsewhere), None)
 
     @property
     def _any_elsewhere(self) -> bool:
@@ -153,7 +148,7 @@ class Runs:
                 self._decide(topic)
 
     def _run_of(self, topic: _Topic) -> Run:
-        return self._other if topic.elsewhere and self._other is not None else self.run
+        return self._others[0] if topic.elsewhere else self.run
 
     def _known(self, topic: _Topic) -> Known:
         return self._run_of(topic).lanes[topic.number].known
@@ -212,9 +207,10 @@ class Runs:
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              by_level: bool, is_new: bool) -> None:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
-        number, before = topic.number, self._other
+        number = topic.number
         other = next((run for run in self._others if run.lanes[number].known.mismatch(
             held, by_level=by_level) is None), None)
+        is_latest = other is not None and other is self._others[0]
         if other is None:
             other = new_run(self._setup)
             known = self.run.lanes[number].known.another(held)
@@ -222,9 +218,9 @@ class Runs:
                 # These are from before the change.
                 held = held[1:]
             other.lanes[number].known = known
-        elif is_new or other is not before:
+        elif is_new or not is_latest:
             other.lanes[number].power_on()
-        was_there, topic.elsewhere, self._why = topic.elsewhere and other is before, True, why
+        was_there, topic.elsewhere, self._why = topic.elsewhere and is_latest, True, why
         # Each takes some megabytes.
         self._others = [other, *[run for run in self._others
                                  if run.over and run is not other][:3]]
@@ -244,13 +240,13 @@ class Runs:
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
-        if run is self._other:
+        if topic.elsewhere:
             topic.looked_s += lane.known.lasted_s(blocks)
             if run.span_s >= self._proof_s():
                 self._replace()
-        elif self._other is not None and self._any_elsewhere:
+        elif self._any_elsewhere:
             # If one sensor of the IMU begins a new run, so does the other.
-            self._other.lanes[number].update(blocks)
+            self._others[0].lanes[number].update(blocks)
 
     def _proof_s(self) -> float:
         """Return how long another IMU has to last: a tenth of the run that it replaces."""
@@ -260,8 +256,7 @@ class Runs:
 
     def _replace(self) -> None:
         """Replace the current run by that of the other IMU."""
-        before, run = self.run, self._other
-        assert run is not None
+        before, run = self.run, self._others[0]
         begins = 'the run of before goes on' if run.over else 'a new run begins'
         self._log.warning(f'{begins}, the one before cannot go on: {self._why}', 'new run', 0.0)
         self._replaced(before, self._why)
