@@ -119,8 +119,8 @@ class CharacterizationNode(AnyExecutorNode):
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
-        if self._storage.has_resumed:
-            self._fitting.fit(self._run)
+        if run.resumed:
+            self._fitting.fit(run)
         self._storage.try_output()
         self._last_tick = now
         # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
@@ -260,7 +260,7 @@ class CharacterizationNode(AnyExecutorNode):
                 reception.drop()
             self._runs.begin_anew()
             self._forget_run()
-            self._facts.resumed, self._storage.has_resumed = '', False
+            self._facts.resumed = ''
             self._fitting.fit(self._run)
             future = self._storage.checkpoint(self._run)
         response.success, response.message = True, 'a new run has begun'

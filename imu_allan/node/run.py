@@ -134,6 +134,8 @@ class Run:
         self.fitted = self.checkpointed = 0
         # What the files that were last written show.
         self.saved: Result | None = None
+        # Whether it has samples from before the node was started.
+        self.resumed = False
         # Whether another run has replaced it.
         self.over = False
         # Both are updated by the thread that fits.

@@ -76,7 +76,6 @@ class Storage:
         self._state_file = self._opened(values['state_file'])
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
         self._values = values
-        self.has_resumed = False
         self._next_save: _NextSave | None = None
         self._last_checkpoint = time.monotonic()
 
@@ -121,7 +120,7 @@ class Storage:
         if not longest_s:
             # Nothing to go on with, as after a reset.
             return run
-        self.has_resumed = True
+        run.resumed = True
         self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
         if self._unasked:
             self._facts.resumed += (', of a run that has ended without saving; call ~/reset to '
@@ -245,7 +244,7 @@ class Storage:
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """Write the files, to another folder if the output folder fails; return if all is well."""
-        if not run.fed and not (self._unasked and self.has_resumed):
+        if not run.fed and not (self._unasked and run.resumed):
             return True
         try:
             self.save(run, picture=picture).result()
