@@ -68,7 +68,7 @@ def _made(text: Text, found: Finding) -> str:
         # Not an index such as `covariance[0]`, which holds no value.
         whole = re.sub(r'\[([^][]*\{[^][]*)\]', lambda part: (
             part[1] if _names_in(part[1])[0] in figures else ''), template)
-        return printable(_FORMATTER.vformat(whole, (), figures))
+        return printable(_Formatter().vformat(whole, (), figures))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         return ''
 
@@ -81,7 +81,7 @@ class _Formatter(Formatter):
     """Formats values in the forms that the texts of findings have."""
 
     def format_field(self, value: Any, spec: str) -> str:
-        """Return a value, or the range of those of several axes, in a form of `sentences`."""
+        """Return a value, or the range of those of several axes, in a form of `finding_texts`."""
         form, _, rest = spec.partition(' ')
         if form in ('least', 'most'):
             end = min if form == 'least' else max
@@ -102,7 +102,6 @@ class _Formatter(Formatter):
         return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
 
 
-_FORMATTER = _Formatter()
 _FORMS: Mapping[str, Callable[[Any], str]] = {
     'time': duration, 'about': about, 'lag': lambda seconds: duration(abs(seconds)),
     'times': lambda count: 'once' if count == 1 else f'{count} times',

@@ -64,12 +64,9 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
 """Names of times, best first: of the sensor, since reboot, since the start of the log, of the
 day. The T of an autopilot is a temperature."""
-_OF_SHIMMER = re.compile(r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal')
-"""Calibrated values, behind the name that the user gave the device."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
             'timestartup': 'ns'}
 """Units that names of times imply: `rostopic echo -p`, Arduino's clocks, VectorNav."""
-_STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
 
 
 class NamesNoAxis(ImuAllanError):
@@ -220,7 +217,8 @@ def _times(names: Sequence[Name], is_usable: Callable[[Clock], bool],
            ) -> tuple[int | None, list[int]]:
     """Return the stamp of the axes' own message, if usable, and all usable times."""
     times = [column for column, name in enumerate(names) if name.meaning == 'time']
-    found = {column: _STAMP.fullmatch(names[column].name.lower()) for column in times}
+    found = {column: re.fullmatch(
+        r'((?:.*[/.])?)header[./]stamp', names[column].name.lower()) for column in times}
     stamps = {match[1]: column for column, match in found.items() if match}
     others = [column for column in times if not found[column]]
     axis = next((name.name.lower() for name in names if name.meaning in AXES), '')
@@ -380,7 +378,9 @@ def name_of(cell: str) -> Name:
 
 def _meaning(name: str, unit: str) -> tuple[str | None, int, str | None]:
     """Return the meaning of a name in lower case, how well it fits, and the unit in it."""
-    if (match := _OF_SHIMMER.fullmatch(name)) is not None:
+    # Shimmer: calibrated values, behind the name that the user gave the device.
+    if (match := re.fullmatch(
+            r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal', name)) is not None:
         name = match[1]
     for rank, form in enumerate(_CLOCKS):
         if (match := form.fullmatch(name)) is not None:

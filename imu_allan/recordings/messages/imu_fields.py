@@ -13,8 +13,6 @@ import re
 from imu_allan.errors import brief, ImuAllanError
 from imu_allan.recordings.messages.definitions import Field, Types
 
-_MOST_VISITED = 1000
-"""Most nested messages to search; the state message of a robot has some fifty."""
 _TIME = ('sec', 'nanosec')
 
 
@@ -158,7 +156,9 @@ def split_path(path: str) -> tuple[str, int]:
 def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
     """Find messages with vectors `angular_velocity` and `linear_acceleration` in a type."""
     found: list[ImuFields] = []
-    visits = iter(range(_MOST_VISITED))
+    # Nested messages; the state message of a robot has some fifty.
+    most = 1000
+    visits = iter(range(most))
     most_imus = 16
 
     def search(kind: str, path: str, around: ImuFields) -> None:
@@ -166,7 +166,7 @@ def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
         if next(visits, None) is None:
             if found:
                 return
-            raise ImuAllanError(f'its type holds more than {_MOST_VISITED} messages, too many to '
+            raise ImuAllanError(f'its type holds more than {most} messages, too many to '
                                 'search for an IMU; name the fields with --gyro and --accel')
         fields = {field.name: field for field in types.get(kind, ())}
         stamps, frame_id = own_clock(types, kind, path)

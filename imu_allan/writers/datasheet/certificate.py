@@ -15,9 +15,6 @@ from imu_allan.writers.datasheet.reasons import figures, reasons
 from imu_allan.writers.pages import rendered
 from imu_allan.writers.verdict_lines import findings_line
 
-_MARKS: dict[Outcome, tuple[str, str]] = {
-    'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'undecided')}
-"""Sign and class of an outcome."""
 _LONGEST = 110
 """Characters that fit on a line of the sheet."""
 
@@ -29,17 +26,20 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     title = specification.name or 'specification'
     if result.inspection is not None and result.inspection.serial is not None:
         title = f'{title}, {result.inspection.serial}'
+    # Sign and class of each.
+    marks: dict[Outcome, tuple[str, str]] = {
+        'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'undecided')}
     numbered = list(zip(verdicts, numbers, strict=True))
     # More would push the signature off the sheet; the table has all verdicts anyway.
     most = 8
     return rendered(
-        'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
+        'certificate.html', version=__version__, outcome=outcome, outcome_class=marks[outcome][1],
         title=shorten(printable(title), _LONGEST), facts=_facts(result, specification),
         tables={sensor: {key: [one for one in own if one[0].key == key]
                          for key in dict.fromkeys(verdict.key for verdict, _ in own)}
                 for sensor in wording.SENSORS if (own := [
                     one for one in numbered if one[0].axis.startswith(sensor)])},
-        marks=_MARKS, figures=figures, shown=_shown,
+        marks=marks, figures=figures, shown=_shown,
         findings=findings_line(result),
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:most]],
         more=len(sentences) - most if len(sentences) > most else 0)
