@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from imu_allan.arrays import Bools
 from imu_allan.errors import ImuAllanError
-from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     choose_clock,
@@ -31,130 +30,126 @@ class NoAxes(ImuAllanError):
     """Raised if none of the first messages has a value; later ones may."""
 
 
-class Intake(Record):
-    """Passes on the usable messages."""
-
-    def __init__(self, memory: Memory) -> None:
-        self._memory, self._options, self._counts = memory, memory.options, memory.counts
-        self.decision, self.content = memory.decision, memory.content
-        self.presence = memory.presence
-
-    def usable(self, window: Window) -> Messages:
-        """Drop duplicate and frozen messages, and mark those with unusable values."""
-        window = replace(window, header_ns=_clipped(window.header_ns),
-                         receive_ns=_clipped(window.receive_ns))
-        decision, c = self.decision, window.consumed
-        # The usual case, in which several searches are not needed.
-        all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
-                          and window.samples.min() > -LARGEST)
-        repeats = self.content.look(window.samples, c, all_usable)
-        if decision.clock is None:
-            self._decide(window, repeats)
-            self._seek_second_publisher(window, repeats)
-        counts = self._counts
-        faulty = counts.header.add(window.header_ns[:c])
-        counts.receive.add(window.receive_ns[:c])
-        if faulty and decision.clock == 'header' and self._options.clock == 'auto':
-            replace_header_clock(self._memory, window)
-        stamps, other = stamps_of(self._memory, window)
-        away, unusable = self._unusable(window, all_usable)
-        twice = self._twice(window, stamps) | repeats.held
-        counts.messages += c
-        counts.header.last_ns = int(window.header_ns[c - 1])
-        counts.receive.last_ns = int(window.receive_ns[c - 1])
-        void = repeats.spikes | unusable
+def usable(memory: Memory, window: Window) -> Messages:
+    """Drop duplicate and frozen messages, and mark those with unusable values."""
+    window = replace(window, header_ns=_clipped(window.header_ns),
+                     receive_ns=_clipped(window.receive_ns))
+    decision, c = memory.decision, window.consumed
+    # The usual case, in which several searches are not needed.
+    all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
+                      and window.samples.min() > -LARGEST)
+    repeats = memory.content.look(window.samples, c, all_usable)
+    if decision.clock is None:
+        _decide(memory, window, repeats)
+        _seek_second_publisher(memory, window, repeats)
+    counts = memory.counts
+    faulty = counts.header.add(window.header_ns[:c])
+    counts.receive.add(window.receive_ns[:c])
+    if faulty and decision.clock == 'header' and memory.options.clock == 'auto':
+        replace_header_clock(memory, window)
+    stamps, other = stamps_of(memory, window)
+    away, unusable = _unusable(memory, window, all_usable)
+    twice = _twice(memory, window, stamps) | repeats.held
+    counts.messages += c
+    counts.header.last_ns = int(window.header_ns[c - 1])
+    counts.receive.last_ns = int(window.receive_ns[c - 1])
+    void = repeats.spikes | unusable
+    left_out = repeats.frozen | twice
+    if void.any() or left_out.any():
+        if memory.content.frozen_s is None and repeats.frozen[:c].any():
+            begins = int(stamps[np.argmax(repeats.frozen)])
+            first = counts.of(decision.clock).first_ns
+            memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
+        # Unusable values are not counted as spikes.
+        counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
+        twice &= ~(void | repeats.frozen)
         left_out = repeats.frozen | twice
-        if void.any() or left_out.any():
-            if self.content.frozen_s is None and repeats.frozen[:c].any():
-                begins = int(stamps[np.argmax(repeats.frozen)])
-                first = counts.of(decision.clock).first_ns
-                self.content.frozen_s = max(float(begins - first), 0.0) / SECOND
-            # Unusable values are not counted as spikes.
-            counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
-            twice &= ~(void | repeats.frozen)
-            left_out = repeats.frozen | twice
-            counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
-            counts.duplicates += int(np.count_nonzero(twice[:c]))
-        samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
-        if repeats.started:
-            counts.forget()
-            self._memory.motion = None
-            decision.restart = self._memory.cursor.fresh_run = True
-        messages = Messages(stamps, other, samples, c, void)
-        return messages.pick(~left_out) if left_out.any() else messages
+        counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
+        counts.duplicates += int(np.count_nonzero(twice[:c]))
+    samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
+    if repeats.started:
+        counts.forget()
+        memory.motion = None
+        decision.restart = memory.cursor.fresh_run = True
+    messages = Messages(stamps, other, samples, c, void)
+    return messages.pick(~left_out) if left_out.any() else messages
 
-    def _decide(self, window: Window, repeats: Repeats) -> None:
-        """Choose clock, axes and pace from the first messages."""
-        samples = window.samples
-        finite = np.mean(np.isfinite(samples), axis=0)
-        declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
-        present = declared & (finite > 0.5)
-        for axis, there in zip(self.presence.axes, present.tolist(), strict=True):
-            axis.there = there
-        if not present.any() and self.presence.copy().look(
-                ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
-                window.consumed)[:window.consumed].all():
-            self._counts.messages += window.consumed
-            self._counts.rejected += window.consumed
-            raise NoAxes(
-                'the messages carry neither angular velocity nor linear acceleration '
-                '(covariance[0] is -1 or every value is NaN): choose another topic')
-        for axis, there, provided in zip(
-                self.presence.axes, present.tolist(), declared.tolist(), strict=True):
-            axis.ever, axis.not_finite = there, provided and not there
-        choose_clock(window, self.decision, self._options)
-        self._counts.header.first_ns = int(window.header_ns[0])
-        self._counts.receive.first_ns = int(window.receive_ns[0])
-        twice = self._twice(window, stamps_of(self._memory, window)[0])
-        measure_first_pace(self._memory, window, repeats, twice)
 
-    def _seek_second_publisher(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher."""
-        decision = self.decision
-        rows = ~(repeats.held | repeats.frozen)
-        samples = window.samples[rows]
-        seen: list[str] = [alternates(samples)]
-        if 'noise' not in seen:
-            seen += [are_interleaved(stamps[rows], samples, decision.pace.interval_ns)
-                     for stamps in stamps_of(self._memory, window)]
-        if any(seen):
-            # With a clock that is read in batches, a vibration looks like two publishers.
-            two = 'noise' in seen or ('apart' in seen and 'half' not in seen)
-            decision.remarks['several_publishers' if two else 'alternating'] = {}
+def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
+    """Choose clock, axes and pace from the first messages."""
+    samples = window.samples
+    finite = np.mean(np.isfinite(samples), axis=0)
+    declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
+    present = declared & (finite > 0.5)
+    for axis, there in zip(memory.presence.axes, present.tolist(), strict=True):
+        axis.there = there
+    if not present.any() and memory.presence.copy().look(
+            ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
+            window.consumed)[:window.consumed].all():
+        memory.counts.messages += window.consumed
+        memory.counts.rejected += window.consumed
+        raise NoAxes(
+            'the messages carry neither angular velocity nor linear acceleration '
+            '(covariance[0] is -1 or every value is NaN): choose another topic')
+    for axis, there, provided in zip(
+            memory.presence.axes, present.tolist(), declared.tolist(), strict=True):
+        axis.ever, axis.not_finite = there, provided and not there
+    choose_clock(window, memory.decision, memory.options)
+    memory.counts.header.first_ns = int(window.header_ns[0])
+    memory.counts.receive.first_ns = int(window.receive_ns[0])
+    twice = _twice(memory, window, stamps_of(memory, window)[0])
+    measure_first_pace(memory, window, repeats, twice)
 
-    def _twice(self, window: Window, stamps: Stamps) -> Bools:
-        """Find duplicate messages, on a clock where different messages may share a stamp."""
-        counts = self._counts
-        same = np.zeros(len(stamps), dtype=bool)
-        if not self.decision.separates_equal_stamps:
-            return same
-        tied = stamps[1:] == stamps[:-1]
-        if tied.any():
-            same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
-                        & repeated(window.samples))
-        if (len(self._memory.tail) and stamps[0] == counts.of(self.decision.clock).last_ns
-                and int(window.header_ns[0]) == counts.header.last_ns):
-            newest = self._memory.tail[-1]
-            there = ~np.isnan(newest)
-            same[0] = np.array_equal(window.samples[0, there], newest[there])
+
+def _seek_second_publisher(memory: Memory, window: Window, repeats: Repeats) -> None:
+    """Look for a second publisher."""
+    decision = memory.decision
+    rows = ~(repeats.held | repeats.frozen)
+    samples = window.samples[rows]
+    seen: list[str] = [alternates(samples)]
+    if 'noise' not in seen:
+        seen += [are_interleaved(stamps[rows], samples, decision.pace.interval_ns)
+                 for stamps in stamps_of(memory, window)]
+    if any(seen):
+        # With a clock that is read in batches, a vibration looks like two publishers.
+        two = 'noise' in seen or ('apart' in seen and 'half' not in seen)
+        decision.remarks['several_publishers' if two else 'alternating'] = {}
+
+
+def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
+    """Find duplicate messages, on a clock where different messages may share a stamp."""
+    counts = memory.counts
+    same = np.zeros(len(stamps), dtype=bool)
+    if not memory.decision.separates_equal_stamps:
         return same
+    tied = stamps[1:] == stamps[:-1]
+    if tied.any():
+        same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
+                    & repeated(window.samples))
+    if (len(memory.tail) and stamps[0] == counts.of(memory.decision.clock).last_ns
+            and int(window.header_ns[0]) == counts.header.last_ns):
+        newest = memory.tail[-1]
+        there = ~np.isnan(newest)
+        same[0] = np.array_equal(window.samples[0, there], newest[there])
+    return same
 
-    def _unusable(self, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
-        """Return the axes that are gone for a while, and messages with other unusable values."""
-        counts, presence, c = self._counts, self.presence, window.consumed
-        if all_usable and presence.stays(window.samples[:c]):
-            return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
-        with np.errstate(invalid='ignore'):
-            bad: Bools = ~(np.abs(window.samples) < LARGEST)
-        declared = np.repeat(window.absent, 3, axis=1)
-        gone = presence.look(bad | declared, c)
-        counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
-        spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
-        asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
-        if asleep[:, 3:].any():
-            # The output of a dead accelerometer is not gravity.
-            counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
-        return gone | asleep, spoilt
+
+def _unusable(memory: Memory, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
+    """Return the axes that are gone for a while, and messages with other unusable values."""
+    counts, presence, c = memory.counts, memory.presence, window.consumed
+    if all_usable and presence.stays(window.samples[:c]):
+        return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
+    with np.errstate(invalid='ignore'):
+        bad: Bools = ~(np.abs(window.samples) < LARGEST)
+    declared = np.repeat(window.absent, 3, axis=1)
+    gone = presence.look(bad | declared, c)
+    counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
+    spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
+    asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
+    if asleep[:, 3:].any():
+        # The output of a dead accelerometer is not gravity.
+        counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
+    return gone | asleep, spoilt
 
 
 def _clipped(stamps: Stamps) -> Stamps:

@@ -75,7 +75,7 @@ def unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int,
     # Up to 64 steps are counted correctly at any rate near the true one, and help to measure it.
     gaps = _gaps(passed, steps, tolerated if pace.counting else 64, pace)
     if not pace.counting and np.count_nonzero(gaps) * 16 < len(gaps):
-        # With jitter, a place of a gap may be counted up to three steps beside it.
+        # With jitter, a place of a rare gap may be counted up to three steps beside it.
         beside = np.flatnonzero(gaps)[:, None] + np.arange(-3, 4)
         gaps[np.clip(beside, 0, len(gaps) - 1)] = True
     # With uneven stamps, the pause before a batch is not part of the gap.

@@ -5,7 +5,7 @@ The second stage of a timeline: usable messages find their places on the even gr
 
 Messages are put in order and split where the clock jumps. Segments at another rate are left out
 (other_rate.py), lost samples are counted (losses.py), short gaps interpolated (grid.py), and long
-ones listed. This is one class because every step moves the same cursor.
+ones listed.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,6 @@ from math import sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
-from imu_allan.state import Record
 from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.grid import even_blocks
 from imu_allan.timeline.losses import count_steps, EVEN_JITTER
@@ -33,259 +32,257 @@ _FOLLOWED = 0.01
 """A larger change of the interval within a window is another rate, not drift."""
 
 
-class Placing(Record):
-    """Places usable messages on the grid."""
+def _are_even(memory: Memory, messages: Messages) -> bool:
+    """Return whether usable messages are one interval apart, the usual case."""
+    cursor, decision = memory.cursor, memory.decision
+    stamps, consumed, interval = messages.stamps, messages.consumed, decision.pace.interval_ns
+    if (not consumed or messages.void.any() or cursor.fresh_run or cursor.other_rate
+            or decision.pace.counting or decision.counted_only):
+        return False
+    first = int(stamps[0]) - cursor.last_ns
+    steps = stamps[1:] - stamps[:-1]
+    least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
+    return bool(
+        least < first < most
+        and (not len(steps) or (least < steps.min() and steps.max() < most))
+        and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
+        < 4 * interval)
 
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
-        self._options, self._counts = memory.options, memory.counts
-        self._decision, self.cursor = memory.decision, memory.cursor
 
-    def _are_even(self, messages: Messages) -> bool:
-        """Return whether usable messages are one interval apart, the usual case."""
-        cursor, decision = self.cursor, self._decision
-        stamps, consumed, interval = messages.stamps, messages.consumed, decision.pace.interval_ns
-        if (not consumed or messages.void.any() or cursor.fresh_run or cursor.other_rate
-                or decision.pace.counting or decision.counted_only):
-            return False
-        first = int(stamps[0]) - cursor.last_ns
-        steps = stamps[1:] - stamps[:-1]
-        least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
-        return bool(
-            least < first < most
-            and (not len(steps) or (least < steps.min() and steps.max() < most))
-            and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
-            < 4 * interval)
+def place(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
+    """Put messages on the grid, or raise ImuAllanError if no IMU has their pace."""
+    if _are_even(memory, messages):
+        if memory.decision.separates_equal_stamps:
+            newest = int(messages.stamps[messages.consumed - 1])
+            memory.cursor.tied_to, memory.cursor.ties = newest, 0
+        yield from _put(memory, messages, np.ones(len(messages.stamps), dtype=np.int64))
+    elif len(messages.stamps):
+        for run in _runs(memory, messages):
+            yield from _at_one_rate(memory, run)
 
-    def place(self, messages: Messages) -> Iterator[EvenBlock]:
-        """Put messages on the grid, or raise ImuAllanError if no IMU has their pace."""
-        if self._are_even(messages):
-            if self._decision.separates_equal_stamps:
-                newest = int(messages.stamps[messages.consumed - 1])
-                self.cursor.tied_to, self.cursor.ties = newest, 0
-            yield from self._put(messages, np.ones(len(messages.stamps), dtype=np.int64))
-        elif len(messages.stamps):
-            for run in self._runs(messages):
-                yield from self._at_one_rate(run)
 
-    def _runs(self, messages: Messages) -> Iterator[Messages]:
-        """Put messages in order and split them where the clock jumps."""
-        cursor, counts, c = self.cursor, self._counts, messages.consumed
-        if self._decision.separates_equal_stamps:
-            messages = replace(messages, stamps=self._untie(messages.stamps, c))
-        order = order_stamps(messages.stamps, None if cursor.fresh_run else cursor.last_ns)
-        jumps = np.zeros(len(messages.stamps), dtype=bool)
-        if order is not None:
-            usable = ~messages.void[:c]
-            counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
-            early = ~(order.keep | order.duplicate)[:c]
-            counts.out_of_order += int(np.count_nonzero(early & usable))
-            messages, jumps = messages.pick(order.keep), order.jumps[order.keep]
-        c = messages.consumed
-        if not c:
-            return
-        jumps |= self._forward_jumps(messages.stamps, messages.other)
-        starts = np.flatnonzero(jumps).tolist()
-        for first, last in pairwise([0, *(s for s in starts if 0 < s < c), c]):
-            if first in starts:
-                counts.clock_jumps += 1
-                cursor.fresh_run = cursor.jumped = True
-            end = next((s for s in starts if s >= last), len(jumps))
-            run = messages.pick(slice(first, end))
-            if cursor.fresh_run and run.void.any():
-                # Unusable messages before the first sample are not missing.
-                empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
-                run = run.pick(slice(empty, None))
-            if run.consumed:
-                yield run
+def _runs(memory: Memory, messages: Messages) -> Iterator[Messages]:
+    """Put messages in order and split them where the clock jumps."""
+    cursor, counts, c = memory.cursor, memory.counts, messages.consumed
+    if memory.decision.separates_equal_stamps:
+        messages = replace(messages, stamps=_untie(memory, messages.stamps, c))
+    order = order_stamps(messages.stamps, None if cursor.fresh_run else cursor.last_ns)
+    jumps = np.zeros(len(messages.stamps), dtype=bool)
+    if order is not None:
+        usable = ~messages.void[:c]
+        counts.duplicates += int(np.count_nonzero(order.duplicate[:c] & usable))
+        early = ~(order.keep | order.duplicate)[:c]
+        counts.out_of_order += int(np.count_nonzero(early & usable))
+        messages, jumps = messages.pick(order.keep), order.jumps[order.keep]
+    c = messages.consumed
+    if not c:
+        return
+    jumps |= _forward_jumps(memory, messages.stamps, messages.other)
+    starts = np.flatnonzero(jumps).tolist()
+    for first, last in pairwise([0, *(s for s in starts if 0 < s < c), c]):
+        if first in starts:
+            counts.clock_jumps += 1
+            cursor.fresh_run = cursor.jumped = True
+        end = next((s for s in starts if s >= last), len(jumps))
+        run = messages.pick(slice(first, end))
+        if cursor.fresh_run and run.void.any():
+            # Unusable messages before the first sample are not missing.
+            empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
+            run = run.pick(slice(empty, None))
+        if run.consumed:
+            yield run
 
-    def _untie(self, stamps: Stamps, consumed: int) -> Stamps:
-        """Separate messages with equal stamps by one nanosecond each."""
-        cursor = self.cursor
-        if self._decision.overlaps:
-            stamps = in_order(stamps, cursor.tied_to, self._decision.pace.interval_ns)
-        since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
-        if consumed:
-            cursor.tied_to, cursor.ties = int(stamps[consumed - 1]), int(since[consumed - 1])
-        return stamps + since
 
-    def _forward_jumps(self, stamps: Stamps, other: Stamps) -> Bools:
-        """Find messages before which this clock, but not the other one, jumped ahead."""
-        cursor = self.cursor
-        jumps = np.zeros(len(stamps), dtype=bool)
-        interval = self._decision.pace.interval_ns
-        # A jump of one clock alone by more than a second is a step of that clock.
-        limit = max(SECOND, min(200 * interval, _NEVER_NS))
-        last = int(stamps[0]) if cursor.first_ns is None else cursor.last_ns
-        steps = np.diff(stamps, prepend=last)
-        for at in np.flatnonzero(steps > limit).tolist():
-            low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
-            passed = float(other[high] - (other[low] if at else cursor.other_ns))
-            usual = (high - low + (0 if at else 1)) * interval
-            alive = other[high] != other[low]
-            jumps[at] = ((alive and passed < usual + 0.25 * steps[at])
-                         or steps[at] + cursor.elapsed_ns > _NEVER_NS)
-        return jumps
+def _untie(memory: Memory, stamps: Stamps, consumed: int) -> Stamps:
+    """Separate messages with equal stamps by one nanosecond each."""
+    cursor = memory.cursor
+    if memory.decision.overlaps:
+        stamps = in_order(stamps, cursor.tied_to, memory.decision.pace.interval_ns)
+    since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
+    if consumed:
+        cursor.tied_to, cursor.ties = int(stamps[consumed - 1]), int(since[consumed - 1])
+    return stamps + since
 
-    def _at_one_rate(self, messages: Messages) -> Iterator[EvenBlock]:
-        """Leave out segments whose rate is not the first one, and place the others."""
-        cursor, decision = self.cursor, self._decision
-        if decision.first_interval_ns is None:
-            pace = measure_pace(messages.stamps)
-            if pace is not None:
-                decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
-        c, steps, changes = messages.consumed, self._steps(messages), [(0, False)]
-        known = messages.stamps[:c], steps[:c], decision.pace, self._options.gap_tolerance + 1
-        if not decision.counted_only and (cursor.other_rate or is_doubtful(*known)):
-            changes = rate_changes(self._places(messages)[:c], decision.pace, cursor.other_rate)
-            if changes == [(0, True)] and self._as_before(messages):
-                changes = [(0, False)]
-            if changes == [(0, False)]:
-                self._note_uneven(uneven_rates(*known))
-        for (first, other_rate), (last, _) in pairwise([*changes, (c, False)]):
-            part = messages.pick(slice(first, last if last < c else None))
-            if part.consumed and other_rate:
-                self._leave_out(part)
-            elif part.consumed:
-                cursor.other_rate = False
-                yield from self._put(part, steps if len(changes) == 1 else self._steps(part))
 
-    def _as_before(self, messages: Messages) -> bool:
-        """Return whether messages together have the previous rate, which outages hide in parts."""
-        pace = measure_pace(messages.stamps[:messages.consumed])
-        return pace is not None and abs(
-            pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
+def _forward_jumps(memory: Memory, stamps: Stamps, other: Stamps) -> Bools:
+    """Find messages before which this clock, but not the other one, jumped ahead."""
+    cursor = memory.cursor
+    jumps = np.zeros(len(stamps), dtype=bool)
+    interval = memory.decision.pace.interval_ns
+    # A jump of one clock alone by more than a second is a step of that clock.
+    limit = max(SECOND, min(200 * interval, _NEVER_NS))
+    last = int(stamps[0]) if cursor.first_ns is None else cursor.last_ns
+    steps = np.diff(stamps, prepend=last)
+    for at in np.flatnonzero(steps > limit).tolist():
+        low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
+        passed = float(other[high] - (other[low] if at else cursor.other_ns))
+        usual = (high - low + (0 if at else 1)) * interval
+        alive = other[high] != other[low]
+        jumps[at] = ((alive and passed < usual + 0.25 * steps[at])
+                     or steps[at] + cursor.elapsed_ns > _NEVER_NS)
+    return jumps
 
-    def _leave_out(self, messages: Messages) -> None:
-        """Reject messages that come at another rate."""
-        cursor, counts = self.cursor, self._counts
-        n = messages.consumed
-        counts.rejected += int(np.count_nonzero(~messages.void[:n]))
-        if not counts.changed_rate_hz and n > 1:
-            since = (0 if cursor.first_ns is None
-                     else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
-            counts.rate_changed_s = since / SECOND
-            pace = measure_pace(messages.stamps[:n])
-            counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
-        counts.at_other_rate += n
-        cursor.other_rate = True
 
-    def _places(self, messages: Messages) -> Array:
-        """Return stamps in intervals since the last sample placed."""
-        cursor, interval = self.cursor, self._decision.pace.interval_ns
-        if cursor.fresh_run:
-            since, late = messages.stamps - messages.stamps[0], interval
-        else:
-            since, late = messages.stamps - cursor.last_ns, cursor.late_ns
-        places: Array = (since.astype(np.float64) + late) / interval
-        return places
+def _at_one_rate(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
+    """Leave out segments whose rate is not the first one, and place the others."""
+    cursor, decision = memory.cursor, memory.decision
+    if decision.first_interval_ns is None:
+        pace = measure_pace(messages.stamps)
+        if pace is not None:
+            decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
+    places, steps = _count(memory, messages)
+    c, changes = messages.consumed, [(0, False)]
+    known = messages.stamps[:c], steps[:c], decision.pace, memory.options.gap_tolerance + 1
+    if not decision.counted_only and (cursor.other_rate or is_doubtful(*known)):
+        changes = rate_changes(places[:c], decision.pace, cursor.other_rate)
+        if changes == [(0, True)] and _as_before(memory, messages):
+            changes = [(0, False)]
+        if changes == [(0, False)]:
+            _note_uneven(memory, uneven_rates(*known))
+    for (first, other_rate), (last, _) in pairwise([*changes, (c, False)]):
+        part = messages.pick(slice(first, last if last < c else None))
+        if part.consumed and other_rate:
+            _leave_out(memory, part)
+        elif part.consumed:
+            cursor.other_rate = False
+            yield from _put(memory, part, steps if part.consumed == c else _count(memory, part)[1])
 
-    def _steps(self, messages: Messages) -> Ints:
-        """Count grid steps to each message from the one before."""
-        cursor, pace = self.cursor, self._decision.pace
-        late = 0.0 if cursor.fresh_run else cursor.late_ns / pace.interval_ns
-        return count_steps(self._places(messages), pace, late, cursor.fresh_run)
 
-    def _note_uneven(self, rates: list[float]) -> None:
-        """Record rates that differ too little, or too briefly, for messages to be left out."""
-        counts, usual = self._counts, SECOND / self._decision.pace.interval_ns
-        if rates:
-            counts.lowest_rate_hz = min(counts.lowest_rate_hz or usual, usual, *rates)
-            counts.highest_rate_hz = max(counts.highest_rate_hz, usual, *rates)
+def _as_before(memory: Memory, messages: Messages) -> bool:
+    """Return whether messages together have the previous rate, which outages hide in parts."""
+    pace = measure_pace(messages.stamps[:messages.consumed])
+    return pace is not None and abs(
+        pace.interval_ns / memory.decision.pace.interval_ns - 1) < _FOLLOWED
 
-    def _put(self, messages: Messages, steps: Ints) -> list[EvenBlock]:
-        """Put messages on the grid and update the counts."""
-        cursor, counts = self.cursor, self._counts
-        empty = 0
-        if messages.void.any():
-            used = ~messages.void
-            rows = np.flatnonzero(used[:messages.consumed])
-            empty = int(rows[-1]) + 1 - len(rows) if len(rows) else 0
-            messages = messages.pick(used)
-            steps = np.diff(np.cumsum(steps)[used], prepend=0)
-        c, stamps = messages.consumed, messages.stamps
-        if not c:
-            return []
-        interval = self._decision.pace.interval_ns
-        new_run = cursor.fresh_run
-        if new_run:
-            self._begin_run(int(stamps[0]), int(messages.other[0]), interval)
-            steps[0] = 1
-            self._memory.tail = np.empty((0, 6))
-        reference = int(stamps[0]) if new_run else cursor.last_ns
-        known, places = steps[:c], int(steps[:c].sum())
-        elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
-        left_out_ns = left_out = 0
-        if places == c:
-            blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
-                                start_s=float(elapsed[0]) / SECOND)]
-        else:
-            tolerated = self._options.gap_tolerance + 1
-            behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
-            for at in np.flatnonzero(known > tolerated).tolist():
-                lasts = int(behind[at])
-                counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
-            left_out_ns, left_out = unpaced(behind, known, tolerated, self._decision.pace)
-            blocks = even_blocks(self._memory.tail, messages.samples, steps,
-                                 cursor.index + np.cumsum(known), elapsed, interval, tolerated,
-                                 new_run)
-            counts.interpolated += sum(len(block.interpolated) for block in blocks)
-        counts.missing += places - c - empty
-        # Lateness and jitter are measured from some seconds of messages at common rates.
-        lately = slice(max(c - 128, 0), c)
-        place = np.cumsum(known[lately])
-        late = (elapsed[lately] - elapsed[-1]) / interval - (place - place[-1])
-        passed_ns = int(elapsed[-1]) - cursor.elapsed_ns
-        self._advance(messages, late, passed_ns, places, passed_ns - left_out_ns,
-                      places - new_run - left_out)
-        return blocks
 
-    def _advance(self, messages: Messages, late: Array, passed_ns: int, places: int,
-                 paced_ns: int, paced_steps: int) -> None:
-        """Update counts and cursor; `late` is how late recent stamps are relative to the last."""
-        cursor, counts, c = self.cursor, self._counts, messages.consumed
-        interval = self._decision.pace.interval_ns
-        counts.samples += c
-        counts.paced_ns += paced_ns
-        counts.paced_steps += paced_steps
-        cursor.elapsed_ns += passed_ns
-        cursor.index += places
-        cursor.last_ns, cursor.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
-        cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
-        mean = float(np.add.reduce(late)) / len(late)
-        cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
-        self._memory.tail = (
-            messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
-            np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
-        if all(axis.ever for axis in self._memory.presence.axes[3:]):
-            some = messages.samples[:c:SPARSE, 3:]
-            gone = np.flatnonzero(np.isnan(some).any(axis=1))
-            if len(gone):
-                # An axis was absent for a while, and may have been dead before.
-                some = some[int(gone[-1]) + 1:]
-            counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
-            counts.gravity_samples += len(some)
-        if paced_steps > 128 and not self._decision.counted_only:
-            lately_ns = paced_ns / paced_steps
-            if abs(lately_ns / interval - 1) < _FOLLOWED:
-                # Only part of the change is followed: an oscillator drifts slowly, jitter does
-                # not.
-                self._decision.pace = replace(
-                    self._decision.pace, interval_ns=interval + 0.2 * (lately_ns - interval))
+def _leave_out(memory: Memory, messages: Messages) -> None:
+    """Reject messages that come at another rate."""
+    cursor, counts = memory.cursor, memory.counts
+    n = messages.consumed
+    counts.rejected += int(np.count_nonzero(~messages.void[:n]))
+    if not counts.changed_rate_hz and n > 1:
+        since = (0 if cursor.first_ns is None
+                 else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
+        counts.rate_changed_s = since / SECOND
+        pace = measure_pace(messages.stamps[:n])
+        counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
+    counts.at_other_rate += n
+    cursor.other_rate = True
 
-    def _begin_run(self, stamp: int, other: int, interval: float) -> None:
-        """Continue the time at the first message of a run, by the clock that did not jump."""
-        cursor = self.cursor
-        cursor.fresh_run, jumped = False, cursor.jumped
-        cursor.jumped = False
-        if cursor.first_ns is None:
-            cursor.first_ns = stamp
-            return
-        passed = stamp - cursor.last_ns
-        if jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
-            passed = other - cursor.other_ns
-            if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
-                passed = round(interval)
-        if passed > (self._options.gap_tolerance + 1.5) * interval:
-            self._counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
-        cursor.elapsed_ns += passed
+
+def _count(memory: Memory, messages: Messages) -> tuple[Array, Ints]:
+    """Return stamps in intervals since the last sample placed, and grid steps between them."""
+    stamps, cursor, pace = messages.stamps, memory.cursor, memory.decision.pace
+    # The first message of a run lies one place after the last, and is not late.
+    new = cursor.fresh_run
+    since, late_ns = (stamps - stamps[0], pace.interval_ns) if new else (
+        stamps - cursor.last_ns, cursor.late_ns)
+    places = (since.astype(np.float64) + late_ns) / pace.interval_ns
+    return places, count_steps(places, pace, 0.0 if new else late_ns / pace.interval_ns, new)
+
+
+def _note_uneven(memory: Memory, rates: list[float]) -> None:
+    """Record rates that differ too little, or too briefly, for messages to be left out."""
+    counts, usual = memory.counts, SECOND / memory.decision.pace.interval_ns
+    if rates:
+        counts.lowest_rate_hz = min(counts.lowest_rate_hz or usual, usual, *rates)
+        counts.highest_rate_hz = max(counts.highest_rate_hz, usual, *rates)
+
+
+def _put(memory: Memory, messages: Messages, steps: Ints) -> list[EvenBlock]:
+    """Put messages on the grid and update the counts."""
+    cursor, counts = memory.cursor, memory.counts
+    empty = 0
+    if messages.void.any():
+        used = ~messages.void
+        rows = np.flatnonzero(used[:messages.consumed])
+        empty = int(rows[-1]) + 1 - len(rows) if len(rows) else 0
+        messages = messages.pick(used)
+        steps = np.diff(np.cumsum(steps)[used], prepend=0)
+    c, stamps = messages.consumed, messages.stamps
+    if not c:
+        return []
+    interval = memory.decision.pace.interval_ns
+    new_run = cursor.fresh_run
+    if new_run:
+        _begin_run(memory, int(stamps[0]), int(messages.other[0]), interval)
+        steps[0] = 1
+        memory.tail = np.empty((0, 6))
+    reference = int(stamps[0]) if new_run else cursor.last_ns
+    known, places = steps[:c], int(steps[:c].sum())
+    elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
+    left_out_ns = left_out = 0
+    if places == c:
+        blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
+                            start_s=float(elapsed[0]) / SECOND)]
+    else:
+        tolerated = memory.options.gap_tolerance + 1
+        behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
+        for at in np.flatnonzero(known > tolerated).tolist():
+            lasts = int(behind[at])
+            counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
+        left_out_ns, left_out = unpaced(behind, known, tolerated, memory.decision.pace)
+        blocks = even_blocks(memory.tail, messages.samples, steps,
+                             cursor.index + np.cumsum(known), elapsed, interval, tolerated,
+                             new_run)
+        counts.interpolated += sum(len(block.interpolated) for block in blocks)
+    counts.missing += places - c - empty
+    # Lateness and jitter are measured from some seconds of messages at common rates.
+    lately = slice(max(c - 128, 0), c)
+    latest = np.cumsum(known[lately])
+    late = (elapsed[lately] - elapsed[-1]) / interval - (latest - latest[-1])
+    passed_ns = int(elapsed[-1]) - cursor.elapsed_ns
+    _advance(memory, messages, late, passed_ns, places, passed_ns - left_out_ns,
+             places - new_run - left_out)
+    return blocks
+
+
+def _advance(memory: Memory, messages: Messages, late: Array, passed_ns: int, places: int,
+             paced_ns: int, paced_steps: int) -> None:
+    """Update counts and cursor; `late` is how late recent stamps are relative to the last."""
+    cursor, counts, c = memory.cursor, memory.counts, messages.consumed
+    interval = memory.decision.pace.interval_ns
+    counts.samples += c
+    counts.paced_ns += paced_ns
+    counts.paced_steps += paced_steps
+    cursor.elapsed_ns += passed_ns
+    cursor.index += places
+    cursor.last_ns, cursor.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
+    cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
+    mean = float(np.add.reduce(late)) / len(late)
+    cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
+    memory.tail = (
+        messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
+        np.concatenate([memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
+    if all(axis.ever for axis in memory.presence.axes[3:]):
+        some = messages.samples[:c:SPARSE, 3:]
+        gone = np.flatnonzero(np.isnan(some).any(axis=1))
+        if len(gone):
+            # An axis was absent for a while, and may have been dead before.
+            some = some[int(gone[-1]) + 1:]
+        counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
+        counts.gravity_samples += len(some)
+    if paced_steps > 128 and not memory.decision.counted_only:
+        lately_ns = paced_ns / paced_steps
+        if abs(lately_ns / interval - 1) < _FOLLOWED:
+            # Only part of the change is followed: an oscillator drifts slowly, jitter does not.
+            memory.decision.pace = replace(
+                memory.decision.pace, interval_ns=interval + 0.2 * (lately_ns - interval))
+
+
+def _begin_run(memory: Memory, stamp: int, other: int, interval: float) -> None:
+    """Continue the time at the first message of a run, by the clock that did not jump."""
+    cursor = memory.cursor
+    cursor.fresh_run, jumped = False, cursor.jumped
+    cursor.jumped = False
+    if cursor.first_ns is None:
+        cursor.first_ns = stamp
+        return
+    passed = stamp - cursor.last_ns
+    if jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+        passed = other - cursor.other_ns
+        if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+            passed = round(interval)
+    if passed > (memory.options.gap_tolerance + 1.5) * interval:
+        memory.counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
+    cursor.elapsed_ns += passed

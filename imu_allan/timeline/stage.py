@@ -17,12 +17,12 @@ from imu_allan.arrays import runs
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
-from imu_allan.timeline.intake import Intake
+from imu_allan.timeline.intake import usable
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.placing import Placing
+from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
@@ -45,35 +45,32 @@ class TimelineStage(Record):
     """
 
     def __init__(self, options: TimelineOptions | None = None) -> None:
-        self._use(Memory(options or TimelineOptions()))
-
-    def _use(self, memory: Memory) -> None:
-        self._memory, self._pending = memory, memory.pending
-        self._intake, self._placing = Intake(memory), Placing(memory)
+        self._memory = Memory(options or TimelineOptions())
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """Take messages, and return the even samples that are decided by now."""
         if not len(block):
             return []
-        decision = self._intake.decision
+        decision = self._memory.decision
         if block.frame_id != decision.frame_id:
             if decision.frame_id is not None:
                 self._memory.counts.reject_frame(block.frame_id, len(block))
                 return []
             decision.frame_id = block.frame_id
-        self._pending.append(block)
+        pending = self._memory.pending
+        pending.append(block)
         blocks: list[EvenBlock] = []
         # 64 later messages must be seen before a message is accepted or rejected: the last of a
         # window are processed in the next one.
         look_ahead = 64
-        while self._pending.messages >= (window := self._window):
-            blocks += self._process(self._pending.take(window, window - look_ahead))
+        while pending.messages >= (window := self._window):
+            blocks += self._process(pending.take(window, window - look_ahead))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
         """Return what is still held back, at the end of a recording."""
-        n = self._pending.messages
-        blocks = self._process(self._pending.take(n, n)) if n else []
+        pending, n = self._memory.pending, self._memory.pending.messages
+        blocks = self._process(pending.take(n, n)) if n else []
         if self._memory.motion is not None:
             rest = self._memory.motion.flush()
             blocks += [] if self._keeps_motion else rest
@@ -82,7 +79,7 @@ class TimelineStage(Record):
     def break_run(self) -> list[EvenBlock]:
         """Begin a run with the next sample, after an unknown time; return what was held back."""
         blocks = self.flush()
-        self._placing.cursor.fresh_run = True
+        self._memory.cursor.fresh_run = True
         return blocks
 
     def power_on(self) -> list[EvenBlock]:
@@ -94,20 +91,20 @@ class TimelineStage(Record):
 
     def to_state(self) -> State:
         """Return everything needed to continue later, as a flat dict of arrays."""
-        self._pending.join()
+        self._memory.pending.join()
         return state_of(self._memory)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
         """Restore a stage from the result of `to_state`; KeyError if a part is missing."""
         stage = cls()
-        stage._use(restored(Memory, state))
+        stage._memory = restored(Memory, state)
         return stage
 
     def summary(self) -> TimelineSummary:
         """Summarize all messages so far, including those still held back."""
-        stage = self
-        if self._pending.blocks or (self._memory.motion is not None and self._memory.motion.held):
+        stage, motion = self, self._memory.motion
+        if self._memory.pending.blocks or (motion is not None and motion.held):
             stage = self.copy()
             try:
                 stage.flush()
@@ -118,20 +115,20 @@ class TimelineStage(Record):
     @property
     def epoch_ns(self) -> int | None:
         """Stamp of the clock in use at time zero; it changes if the clock jumps."""
-        cursor = self._placing.cursor
-        if cursor.first_ns is None or self._intake.decision.counted_only:
+        cursor = self._memory.cursor
+        if cursor.first_ns is None or self._memory.decision.counted_only:
             return None
         return cursor.last_ns - cursor.elapsed_ns
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:
         """Clock whose stamps are used; None until it is finally chosen."""
-        return self._intake.decision.clock
+        return self._memory.decision.clock
 
     @property
     def at_other_rate(self) -> bool:
         """Whether the latest messages are left out because they come at another rate."""
-        return self._placing.cursor.other_rate
+        return self._memory.cursor.other_rate
 
     @property
     def left_out_s(self) -> float:
@@ -141,7 +138,7 @@ class TimelineStage(Record):
     @property
     def interval_ns(self) -> float | None:
         """Sample interval by the clock in use; None until it is measured."""
-        decision = self._intake.decision
+        decision = self._memory.decision
         return None if decision.first_interval_ns is None else decision.pace.interval_ns
 
     @property
@@ -153,7 +150,7 @@ class TimelineStage(Record):
         return 8192 if 16_384 * interval_ns > 20 * SECOND else 16_384
 
     def _process(self, window: Window) -> list[EvenBlock]:
-        return self._at_rest(self._placing.place(self._intake.usable(window)))
+        return self._at_rest(place(self._memory, usable(self._memory, window)))
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
         """Leave out motion, or only detect it; pass blocks on until an interval is known."""
