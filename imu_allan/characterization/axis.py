@@ -9,7 +9,7 @@ from warnings import warn
 
 from imu_allan.argument_checks import positive_number
 from imu_allan.arrays import Array
-from imu_allan.characterization.noise_findings import fit_remarks, steadiness_remarks
+from imu_allan.characterization.noise_findings import fit_findings, steadiness_findings
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import message_of
 from imu_allan.noise.allan_deviation import edf, interval, Octaves, octaves
@@ -169,7 +169,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     if coarse:
         # Isolated quantization steps leave little power below their rate, like a high-pass filter.
         fitted = replace(fitted, high_pass_hz=None)
-    remarks = [*fit_remarks(fitted, quantity)]
+    remarks = [*fit_findings(fitted, quantity)]
     if coarse:
         # An output of two values at random has a ratio of 2, however small the noise behind it.
         remarks.append(finding(
@@ -180,7 +180,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         found.groups, dt, process.correlation_time_s if process else None)
     parts = _stationarity(found, axis, dt, finished)
     if parts is not None and found.steadiness is not None:
-        remarks += steadiness_remarks(found.steadiness, parts.segments)
+        remarks += steadiness_findings(found.steadiness, parts.segments)
     forecast = _forecast(fitted, dt, finished.samples)
     coefficients = {
         key: replace(_coefficient(key, quantity, estimate, *forecast.get(key, (None, None))),

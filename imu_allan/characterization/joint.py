@@ -17,7 +17,7 @@ from imu_allan.arrays import Array
 from imu_allan.characterization.accuracy_of_mean import mean_is_known
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
-from imu_allan.characterization.noise_findings import length_remarks, tone_findings, with_start
+from imu_allan.characterization.noise_findings import length_findings, tone_findings, with_start
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
@@ -103,7 +103,7 @@ def joint_result(recordings: Sequence[Characterization],
          *_of_each(parts, axes),
          *with_start(remarks_of_axes, axes, min(
              part.result.timeline.duration_s for part in parts)),
-         *tone_findings(axes, rate), *length_remarks(axes, summary)),
+         *tone_findings(axes, rate), *length_findings(axes, summary)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
             {name: axis.mean for name, axis in part.result.axes.items()

@@ -34,7 +34,7 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> Iterator[Fi
                 half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones))
 
 
-def fit_remarks(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
+def fit_findings(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
     """Report what the noise of an axis contains besides the coefficients, and its trends."""
     unit = quantity.unit
     if fitted.high_pass_hz is not None:
@@ -76,7 +76,7 @@ def fit_remarks(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
         yield finding('trend_or_walk')
 
 
-def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
+def steadiness_findings(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
     """Report in which band the noise changes most, by how much and when."""
     change = steady.change
     if change is None:
@@ -100,7 +100,7 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
                     segment_s=segments[0].duration_s)]
 
 
-def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
+def drift_of_halves_findings(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
     """
     Report by how much one half of the record drifts more than the other, by axis.
 
@@ -163,7 +163,7 @@ def steady_after_s(trend: Trend | None, flicker: float) -> float:
         for part in parts if part is not None and part.amplitude), default=0.0)
 
 
-def thermometer_remarks(seen: Temperature) -> Iterator[Finding]:
+def thermometer_findings(seen: Temperature) -> Iterator[Finding]:
     """Report what is wrong with the readings of a thermometer."""
     if seen.series is None:
         yield (finding('thermometer', fault='short', covered_share=seen.covered)
@@ -193,8 +193,8 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
     return [one.with_values(start_s=start_s) if one.code == 'warm_up' else one for one in found]
 
 
-def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
-                   unclear: Collection[str] = ()) -> list[Finding]:
+def length_findings(axes: Mapping[str, AxisResult], summary: TimelineSummary,
+                    unclear: Collection[str] = ()) -> list[Finding]:
     """
     Report what the record is too short for.
 

@@ -18,10 +18,10 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group, groups_of
 from imu_allan.characterization.noise_findings import (
-    halves_remarks,
-    length_remarks,
+    drift_of_halves_findings,
+    length_findings,
     MEAN_MOVES,
-    thermometer_remarks,
+    thermometer_findings,
     tone_findings,
     with_start,
 )
@@ -368,14 +368,14 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
         fits |= own_fits
         found += remarks
         if group is record.groups[0] and group.heat is not None:
-            found += thermometer_remarks(group.heat)
+            found += thermometer_findings(group.heat)
     summary = record.summary
     axes = {name: widened(bounded(fitted[name]) if name in summary.turned else fitted[name],
                           *summary.density_error) for name in record.names}
     unclear = {name for remark in found if remark.code in MEAN_MOVES for name in remark.axes}
     return axes, [*with_start(found, axes, summary.timeline.duration_s),
                   *tone_findings(axes, record.rate_hz), *implausible(axes),
-                  *length_remarks(axes, summary, unclear | set(summary.turned))], fits
+                  *length_findings(axes, summary, unclear | set(summary.turned))], fits
 
 
 def _fitted_group(group: FinishedGroup, rate_hz: float
@@ -402,7 +402,7 @@ def _fitted_group(group: FinishedGroup, rate_hz: float
         for name, of in ((first, second), (second, first)):
             axes[name] = replace(axes[name], copy_of=of if sign == SAME else f'-{of}')
     found += own
-    for name, remark in halves_remarks(steady).items():
+    for name, remark in drift_of_halves_findings(steady).items():
         found.append(remark.of(name))
         # The intervals are kept: what differs is drift over a filter's horizon, which no single
         # coefficient describes.

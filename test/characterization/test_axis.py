@@ -9,7 +9,7 @@ import warnings
 from characterized import B, characterized, K, messages, N, one_axis, several, streamed, taken_in
 from exact_results import axis_of as drifting
 from imu_allan.characterization.axis import axis_results, characterize
-from imu_allan.characterization.noise_findings import halves_remarks
+from imu_allan.characterization.noise_findings import drift_of_halves_findings
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity
 from imu_allan.noise.uncertainty import bounded
@@ -187,7 +187,7 @@ OVER_10_S = Innovations(10.0, 1.0, 118, (4.0, 0.25))
     ({'gyro_x': replace(LOUD, backtest=replace(LOUD.backtest, innovations=(
         Innovations(60.0, 2.1, 118),))), 'gyro_y': replace(LOUD, backtest=None)}, {})])
 def test_which_axes_are_said_to_change_and_over_what_time(axes, over):
-    found = halves_remarks(axes)
+    found = drift_of_halves_findings(axes)
     assert {name: one.values['interval_s'] for name, one in found.items()} == over
 
 
@@ -209,6 +209,6 @@ def test_steady_sensors_are_hardly_ever_reported_to_change(hours):
             for at in range(0, len(tested), 3):
                 axes = {f'gyro_{letter}': drifting(1e-3, backtest=found)
                         for letter, found in zip('xyz', tested[at:at + 3], strict=True)}
-                seen += bool(halves_remarks(axes))
+                seen += bool(drift_of_halves_findings(axes))
     # Three axes and their mean, each at .27 %, would be 4 of 360.
     assert seen <= 3
