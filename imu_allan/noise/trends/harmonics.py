@@ -30,8 +30,6 @@ from numpy.typing import NDArray
 
 SIGNIFICANT = 13.8
 """Chi-square above which a harmonic of known frequency is significant, at 0.1 %."""
-HARMONICS = (32, 96)
-"""Harmonics fitted at first, and if all of these show: a jagged cycle of 100 times B has more."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
     Cycle,
-    HARMONICS,
     harmonics_of,
     ratios,
     refined,
@@ -182,9 +181,9 @@ def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> flo
 
 def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> SlowCycle:
     """Fit a cycle, and remove it from the record."""
-    there = HARMONICS[0]
-    # First remove all possible harmonics; only then can the significant ones be identified.
-    for most in HARMONICS:
+    # First remove all possible harmonics; only then can the significant ones be identified. If all
+    # of 32 show, there are more: a jagged cycle of 100 times B has.
+    for most in (32, 96):
         every = refined(record, variance, frequency_hz, most)
         calm = without(record, every, variance)
         frequency_hz, variance = every.frequency_hz, _expected(record.bins, _noise(calm))
