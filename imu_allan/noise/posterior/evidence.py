@@ -15,19 +15,14 @@ from dataclasses import replace
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
-    batches,
     losses,
     LOW,
-    N,
     NUISANCES,
     out_of_range,
     Rows,
     SLOTS,
     Spectra,
-    spectrum,
 )
-from imu_allan.noise.posterior.shapes import cubic
-from imu_allan.noise.posterior.thresholds_and_priors import LEAST_KNOWN
 import numpy as np
 
 _LONGEST = np.full(SLOTS, 0.5)
@@ -148,29 +143,6 @@ def inside(spectra: Spectra, rows: Rows) -> Bools:
     x = rows.x[:, NUISANCES]
     found = (x > first + 0.02) & (x < last - 0.02)
     return np.asarray((found | ~rows.has[:, NUISANCES]).all(axis=1))
-
-
-def sees_pass_band(spectra: Spectra, rows: Rows) -> Bools:
-    """
-    Mark rows whose white noise is visible in the pass band of their low-pass.
-
-    Otherwise slower noise hides the pass band. The filter would then describe no more than a step
-    of the spectrum, down to the leakage in the stop band.
-    """
-    found = np.ones(len(rows), dtype=bool)
-    filtered = np.flatnonzero(rows.has[:, LOW])
-    some = rows.take(filtered)
-    for part in batches(some):
-        own = some.take(part)
-        lam, slopes, used = spectrum(spectra, own, own.x)
-        table = spectra.tables.low_pass
-        passed, _ = cubic(table.rows, *table.place(own.family, own.x[:, LOW]))
-        # Groups of which more than half of the power passes lie in the pass band.
-        share = slopes[np.searchsorted(used, N)] / 2 / lam * (passed > np.log(0.5))
-        inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
-        seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
-        found[filtered[part]] = seen > LEAST_KNOWN
-    return found
 
 
 def distinct(rows: Rows) -> Rows:

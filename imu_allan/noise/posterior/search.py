@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from imu_allan.arrays import Array
-from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows, sees_pass_band
+from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     B,
@@ -98,7 +98,7 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     if behind:
         more = maximise_rows(spectra, Rows.joined(behind), hopeless=16.0, on_grid=True)
         fast = best_of(spectra, Rows.joined([fast, more]), kept, 12)
-    ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
+    ends = [_ends(of_axis(fast, axis)) for axis in range(len(starts))]
     slow = Rows.joined([rows_of(spectra, axis, _slow_noises(spectra, start, own))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
     slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
@@ -122,7 +122,7 @@ def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
     for axis in np.unique(rows.of).tolist():
         own = of_axis(rows, axis)
         own = own.take(own.evidence > own.evidence.max() - within - 4)
-        sound = inside(spectra, own) & sees_pass_band(spectra, own)
+        sound = inside(spectra, own)
         own = distinct(own.take(sound) if sound.any() else own)
         near = np.flatnonzero(own.evidence > own.evidence[0] - within)
         kept.append(own.take(near[:most]))
@@ -195,17 +195,12 @@ def _edges(nu: Array) -> Iterator[int]:
         yield edge
 
 
-def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
-    """Return the best row for each of the best fast ends of an axis, and one without any."""
-    own = of_axis(fast, axis)
+def _ends(rows: Rows) -> Rows:
+    """Return the best row for each of the five best fast ends, given rows with the best first."""
     seen: dict[tuple[int, ...], int] = {}
-    for i, end in enumerate(fast_ends(own)):
+    for i, end in enumerate(fast_ends(rows)):
         seen.setdefault(end, i)
-    # The effect of a high-pass can pass for an edge, so a plain fast end is fitted as well.
-    plain = rows_of(spectra, axis, [Model((N, B, K), start.x)])
-    kept = list(seen)[:5]
-    own = own.take(np.array([seen[end] for end in kept]))
-    return own if fast_ends(plain)[0] in kept else Rows.joined([own, plain])
+    return rows.take(np.array([*seen.values()][:5]))
 
 
 def fast_ends(rows: Rows) -> list[tuple[int, ...]]:

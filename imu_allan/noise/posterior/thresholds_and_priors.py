@@ -26,9 +26,6 @@ UNEVEN = 11.0
 nats. Of 107 random walks of 1 to 3 hours, none exceeded 8.2."""
 WIDEST = 3.0
 """Largest ratio of its interval ends with which the noise density is reported."""
-LEAST_KNOWN = 16.0
-"""Least information about white noise in the pass band of a filter (four standard errors): with
-less, the filter merely describes a step of the spectrum."""
 
 # ------------------------------------------------------------------------------- goodness of a fit
 
