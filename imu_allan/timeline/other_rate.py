@@ -15,7 +15,7 @@ from imu_allan.timeline.stamps import SECOND, Stamps
 import numpy as np
 
 
-def is_doubtful(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
+def may_change(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
     """Return whether some messages, `steps` grid places apart, may come at another rate."""
     n = len(stamps)
     if n < 2:

@@ -20,7 +20,7 @@ from imu_allan.timeline.grid import even_blocks
 from imu_allan.timeline.losses import count_steps, EVEN_JITTER
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages
-from imu_allan.timeline.other_rate import is_doubtful, rate_changes, uneven_rates, unpaced
+from imu_allan.timeline.other_rate import may_change, rate_changes, uneven_rates, unpaced
 from imu_allan.timeline.pace import measure_pace
 from imu_allan.timeline.stamps import in_order, order_stamps, place_in_burst, SECOND, Stamps
 import numpy as np
@@ -133,7 +133,7 @@ def _at_one_rate(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
     places, steps = _count(memory, messages)
     c, changes = messages.consumed, [(0, False)]
     known = messages.stamps[:c], steps[:c], decision.pace, memory.options.gap_tolerance + 1
-    if not decision.counted_only and (cursor.other_rate or is_doubtful(*known)):
+    if not decision.counted_only and (cursor.other_rate or may_change(*known)):
         changes = rate_changes(places[:c], decision.pace, cursor.other_rate)
         if changes == [(0, True)] and _as_before(memory, messages):
             changes = [(0, False)]
