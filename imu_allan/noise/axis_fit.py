@@ -278,7 +278,7 @@ def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estima
 
 
 def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator
-                        ) -> _Source | None:
+                          ) -> _Source | None:
     """Remove trends, which would pass for changing noise; None if there are none."""
     found = fitted_trend(posterior, source.record)
     if found is None:

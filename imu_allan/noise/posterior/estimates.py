@@ -116,7 +116,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
     # Output noise, added after a filter, is part of the level in its pass band.
     amplitude[:, N] = np.hypot(amplitude[:, N],
-                                    np.where(there[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
+                               np.where(there[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
     low, high = quantiles(amplitude[:, N], weight, (_ENDS[0], _ENDS[-1]))
     amplitude[:, N] *= posterior.change.factors(len(x))
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
