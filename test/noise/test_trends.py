@@ -189,6 +189,16 @@ NOISES = {
     'ramp': {N: 1.4e-4, B: FLICKER, 'rate_ramp': 5 * FLICKER / 3600}}
 
 
+def test_a_ramp_is_as_uncertain_as_the_trends_beside_it():
+    # A random walk passes for a trend, but other models without that trend are nearly as probable.
+    ramp = 1e-6
+    records = [simulate({N: 1e-3, B: 5e-5, K: 3e-6, 'rate_ramp': ramp}, 36_000, RATE, seed)
+               for seed in (51, 98, 112, 119)]
+    for axis, _ in results_of(taken_in(np.transpose(records)), RATE):
+        found = axis.trend.ramp
+        assert found is None or found.ci95[0] < ramp < found.ci95[1]
+
+
 @pytest.mark.parametrize('at', [3_000, 18_000, 33_000])
 @pytest.mark.parametrize(('size', 'walk', 'most'), [
     (20 * FLICKER, 0.0, 3e-5), (-100 * FLICKER, 0.0, 1e-4), (10 * FLICKER, 1.6e-6, 3e-5)])

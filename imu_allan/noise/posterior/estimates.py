@@ -239,15 +239,23 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     return model.draws.size[most], model.draws.error[most], share / share.sum()
 
 
-def ramp_of(posterior: Posterior) -> Estimate:
-    """Estimate the signed ramp of a single record; several records have no common one."""
+def ramp_of(posterior: Posterior, record: RecordSpectrum | None = None) -> Estimate:
+    """
+    Estimate the signed ramp of a single record; several records have no common one.
+
+    `record`: to include the uncertainty of other trends' nuisances.
+    """
     none = Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     if posterior.models[0].spectra.records > 1:
         return none
-    size, error, weight, wandering = map(np.concatenate, zip(*(
-        (size[:, 0], error[:, 0], model.weight * share, np.full(len(share), model.row.has[0, K]))
-        for model in posterior.models if model.weight > 0.01
-        for size, error, share in (_regressed(model),)), strict=True))
+    found = []
+    for model in posterior.models:
+        if model.weight > 0.01:
+            size, error, share = _regressed(model) if record is None or not model.trends else (
+                *(each[None] for each in _with_nuisances(model, record)), np.ones(1))
+            found.append((size[:, 0], error[:, 0], model.weight * share,
+                          np.full(len(share), model.row.has[0, K])))
+    size, error, weight, wandering = map(np.concatenate, zip(*found, strict=True))
     if not np.isfinite([size, error]).all() or not size.any():
         return none
     # Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval.
@@ -304,14 +312,6 @@ def _with_nuisances(model: Drawn, record: RecordSpectrum) -> tuple[Array, Array]
     spectra = model.spectra.with_regressors([groups], model.row.of)
     _, _, size, covariance = fitted_mean(spectra, row, row.x)
     return size[0, 0], np.sqrt(np.diag(covariance[0, 0]))
-
-
-def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
-    """Estimate the ramp of the most probable model, including its trends' nuisance uncertainty."""
-    [value, *_], [error, *_] = _with_nuisances(posterior.models[0], record)
-    half = -float(ndtri(_ENDS[0])) * error
-    return Estimate(bool(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error), float(value),
-                    float(value - half), float(value + half), float(abs(value) + half))
 
 
 def fitted_trend(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform, Array] | None:

@@ -18,7 +18,6 @@ from imu_allan.noise.posterior.estimates import (
     Estimate,
     marginals,
     passed_by,
-    ramp_beside,
     ramp_of,
     reported_trends,
     ReportedTrend,
@@ -161,8 +160,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     found = marginals(posterior, dt)
     sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (
         'sigma', 'correlation_time', 'exponent', 'amplitude', 'corner'))
-    ramp = ramp_of(posterior) if record is None or not posterior.models[0].trends else ramp_beside(
-        posterior, record)
+    ramp = ramp_of(posterior, record)
     found['rate_ramp'] = ramp
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
