@@ -147,6 +147,14 @@ def axis_of(first, second, steps=118, shorter=None):
     return drifting(1e-3, backtest=Backtest(HALF_S, HALF_S, innovations, ()))
 
 
+def test_a_presence_is_a_probability():
+    # Weights add up to 1 but for rounding.
+    for seed in (2, 11):
+        axis = characterize(simulate({N: 1e-3, B: 1e-3}, 20_000, 100.0, seed), 100.0)
+        assert axis.coefficients[N].presence == 1.0
+        assert all(0 <= found.presence <= 1 for found in axis.coefficients.values())
+
+
 def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady():
     half = round(HALF_S * HALVES_HZ)
     first, second = (simulate({K: k}, half, HALVES_HZ, seed) for k, seed in ((1e-4, 1), (2e-4, 2)))

@@ -204,7 +204,7 @@ def _free_amplitudes(posterior: Posterior, x: Array, has: Bools) -> Array:
 def _estimate(values: Array, there: Bools, weight: Array, least: float,
               seen: float = 0.0) -> Estimate:
     """Estimate presence, and the quantiles given presence; `seen` is the detection limit."""
-    presence = float(weight[there].sum())
+    presence = min(float(weight[there].sum()), 1.0)
     low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
                         else (0.0, 0.0, 0.0))
     # No bound is lower than 1.4 times the detection limit.
