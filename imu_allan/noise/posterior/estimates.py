@@ -250,11 +250,14 @@ def ramp_of(posterior: Posterior, record: RecordSpectrum | None = None) -> Estim
         return none
     found = []
     for model in posterior.models:
-        if model.weight > 0.01:
-            size, error, share = _regressed(model) if record is None or not model.trends else (
-                *(each[None] for each in _with_nuisances(model, record)), np.ones(1))
-            found.append((size[:, 0], error[:, 0], model.weight * share,
-                          np.full(len(share), model.row.has[0, K])))
+        if model.weight <= 0.01:
+            continue
+        size, error, share = _regressed(model)
+        if record is not None and model.trends:
+            size, error = (each[None] for each in _with_nuisances(model, record))
+            share = np.ones(1)
+        found.append((size[:, 0], error[:, 0], model.weight * share,
+                      np.full(len(share), model.row.has[0, K])))
     size, error, weight, wandering = map(np.concatenate, zip(*found, strict=True))
     if not np.isfinite([size, error]).all() or not size.any():
         return none
