@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.separate_gyro_and_accel import united
+from imu_allan.characterization.join_gyro_and_accel import united
 from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""An IMU whose gyroscope and accelerometer are published separately, each at its own rate."""
+"""Join the results of a gyroscope and an accelerometer that are published separately."""
 
 from collections.abc import Sequence
 from dataclasses import replace
