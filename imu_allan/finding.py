@@ -99,9 +99,9 @@ CODES: Mapping[str, Code] = {
     'axis_absent_in_part': _know(absent=Count, messages=Count),
     'interpolated': _act(topic=Text, half=Text),
     'damaged_recording': _know(
-        fault=Literal['chunks', 'holes', 'entries', 'database', 'bytes', 'file', 'unread'],
+        fault=Literal['chunks', 'holes', 'database', 'bytes', 'file', 'unread'],
         broken=Count | None, chunks=Count | None, holes=Count | None, first=Text | None,
-        entries=Count | None, read=Count | None, places=Count | None, bytes=Count | None,
+        read=Count | None, places=Count | None, bytes=Count | None,
         reason=Text | None, lost=Count | None, of=Count | None, topic=Text | None),
     'truncated_recording': _know(
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,

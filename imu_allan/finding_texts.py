@@ -406,8 +406,6 @@ WORDS: Mapping[str, Words] = {
                    '{lost} of {of} messages of {topic}]',
             holes='left out {holes:count place} without records (the first: {first})[; lost '
                   '{lost} of {of} messages of {topic}]',
-            entries='{topic} is entered {entries} times; the messages of the first {read} entries '
-                    'were read',
             database='the database is damaged in {places:count place} ({reason}): {read:count '
                      'message} of {topic} could be read, the others are lost',
             bytes='left out {bytes:,} damaged bytes',

@@ -55,9 +55,9 @@ class ArduPilotRecording(TableLog):
         super().__init__(path, stored, options)
         times: dict[str, list[Ints]] = {}
         warm: set[str] = set()
-        kinds = self._kinds()
+        self._kinds = self._located()
         for base in _FIELDS:
-            for name, records, _ in self._tables(kinds, base):
+            for name, records, _ in self._tables(base):
                 times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
                 if has_temperature(records.dtype, _FIELDS[base]):
                     warm.add(name)
@@ -80,11 +80,11 @@ class ArduPilotRecording(TableLog):
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
         """Gather the messages of a topic and of topics of the same message type."""
         base = topic.partition('.')[0]
-        yield from self._tables(self._kinds(), base)
+        yield from self._tables(base)
         if base == 'IMU':
             self.remark('filtered')
 
-    def _kinds(self) -> dict[str, _Kind]:
+    def _located(self) -> dict[str, _Kind]:
         """Locate the IMU messages in the file."""
         try:
             from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
@@ -126,14 +126,14 @@ class ArduPilotRecording(TableLog):
                                 f'({printable(error)[:80]})') from error
         return kinds
 
-    def _tables(self, kinds: dict[str, _Kind], base: str) -> Iterator[tuple[str, Records, int]]:
+    def _tables(self, base: str) -> Iterator[tuple[str, Records, int]]:
         """Gather messages; yield topic name, records and bytes consumed."""
-        for kind in kinds:
+        for kind, found in self._kinds.items():
             if kind.rstrip('0123456789') != base:
                 continue
             # Before version 4.1 the second IMU had a separate message type, IMU2.
             suffix = int(kind[len(base):] or 1) - 1
-            for rows, position in self._rows(kinds[kind]):
+            for rows, position in self._rows(found):
                 numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
                     len(rows), suffix)
                 for number in np.unique(numbers).tolist():

@@ -325,12 +325,14 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
              kind: type[float] = float,
              ) -> tuple[NDArray[Any], NDArray[np.intp], list[int]]:
     """Parse columns; return the table, its line indices, and those of other nonempty lines."""
-    with suppress(ValueError, OverflowError, DeprecationWarning):
-        table = np.loadtxt(lines, kind, delimiter=delimiter, usecols=used, ndmin=2, comments=None,
-                           quotechar='"')
-        # After an unclosed quote numpy reads the following lines as part of the text.
-        if len(table) == len(lines):
-            return table, np.arange(len(lines)), []
+    # Of blank lines alone numpy would warn.
+    if any(map(str.strip, lines)):
+        with suppress(ValueError, OverflowError, DeprecationWarning):
+            table = np.loadtxt(lines, kind, delimiter=delimiter, usecols=used, ndmin=2,
+                               comments=None, quotechar='"')
+            # After an unclosed quote numpy reads the following lines as part of the text.
+            if len(table) == len(lines):
+                return table, np.arange(len(lines)), []
     rows: list[list[float]] = []
     places, bad = [], []
     for number, line in enumerate(lines):

@@ -90,6 +90,20 @@ def test_raw_samples_are_preferred_and_have_the_temperature_of_their_imu(tmp_pat
     assert read(path, 'GYR')[0].header_ns[:2].tolist() == [5000, 1_005_000]
 
 
+def test_the_library_goes_through_a_log_once(tmp_path, monkeypatch):
+    path, passes = write(tmp_path / 'a.bin', raw('GYR', 1000, 900, 0.01) + raw(
+        'ACC', 500, 1800, 0.1)), []
+
+    class Counted(DFReader.DFReader_binary):
+        def __init__(self, *given):
+            passes.append(given)
+            super().__init__(*given)
+
+    monkeypatch.setattr(DFReader, 'DFReader_binary', Counted)
+    analyze(path)
+    assert len(passes) == 1
+
+
 @pytest.mark.parametrize(('field', 'kind'), [(b'Q', b'f'), (b'T', b'n')])
 def test_a_log_without_a_temperature_or_with_one_in_words_has_none(tmp_path, field, kind):
     path = write(tmp_path / 'a.bin', imu())
