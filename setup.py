@@ -32,7 +32,7 @@ setup(
         'matplotlib>=3.6',
         'PyYAML>=6',
         'rich>=13',
-        'rosbags>=0.10',
+        'rosbags>=0.10.9',
         'mcap>=1.1',
         'lz4>=4',
         'zstandard>=0.18',

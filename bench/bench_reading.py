@@ -24,7 +24,6 @@ import time
 from imu_allan.block import ImuBlock
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.write import write_recording
-import lz4.frame
 from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
 from mcap.records import Chunk
@@ -32,7 +31,7 @@ import numpy as np
 import zstandard
 
 _STEP = 1 / 1024 / 16.4
-KINDS = (('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', ''))
+KINDS = (('mcap', 'zstd'), ('mcap', ''), ('sqlite3', ''))
 
 
 def white_noise(messages: int, rate_hz: float = 1000.0) -> Iterator[ImuBlock]:
@@ -67,8 +66,6 @@ def plain_mcap_pass(path: Path) -> int:
             chunk = Chunk.read(ReadDataStream(file))
             if chunk.compression == 'zstd':
                 plain += len(zstandard.decompress(chunk.data, chunk.uncompressed_size))
-            elif chunk.compression == 'lz4':
-                plain += len(lz4.frame.decompress(chunk.data))
             else:
                 plain += len(chunk.data)
     return plain
