@@ -145,7 +145,8 @@ class _LogReader:
                         self.damaged += length + 3
             elif kind == 70:  # F
                 name, _, fields = data[at + 3:after].decode(errors='replace').partition(':')
-                if name in self._names:
+                # PX4 has 300 topics.
+                if name in self._names or len(self._formats) < 4096:
                     self._formats[name] = fields
             elif kind == 65:  # A
                 self._subscribe(data[at + 3:after])
@@ -168,10 +169,13 @@ class _LogReader:
         """Start collecting the data of a topic if it is wanted and has the required fields."""
         name = body[3:].decode(errors='replace')
         number = int.from_bytes(body[1:3], 'little')
+        if name not in self._formats:
+            self.damaged += len(body) + 3
+            return
         if self._sizes.pop(number, None) is not None:
             # Another subscription has taken over the number.
             self._former.append(self._found.pop(number))
-        if len(body) < 3 or name not in self._formats:
+        if name not in self._names:
             return
         layout = _layout(self._formats[name])
         full = f'{name}.{body[0]}' if body[0] else name

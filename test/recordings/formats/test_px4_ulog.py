@@ -128,8 +128,20 @@ def test_the_number_of_a_topic_may_go_over_to_another_and_back(tmp_path):
     form, messages = combined()
     whole = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)})
     data = write(tmp_path / 'b.ulg', {'sensor_combined': (form, messages[:200])}).read_bytes()
+    data += framed(b'F', b'other:uint64_t timestamp;')
     for name, more in ('other', [bytes(60)] * 9), ('sensor_combined', messages[200:]):
         data += framed(b'A', bytes(3) + name.encode()) + b''.join(
             framed(b'D', bytes(2) + message) for message in more)
     (tmp_path / 'b.ulg').write_bytes(data)
     assert_same(read(tmp_path / 'b.ulg')[0], read(whole)[0])
+
+
+def test_a_damaged_subscription_ends_no_topic(tmp_path):
+    form, messages = combined()
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)})
+    data, place = path.read_bytes(), path.read_bytes().index(framed(b'D', bytes(2) + messages[0]))
+    path.write_bytes(data[:place] + framed(b'A', b'\0') + framed(b'A', b'\0\0\0senso')
+                     + data[place:])
+    found, remarks = read(path)
+    assert len(found) == COUNT
+    assert remarks == [said(path, 'damaged_recording', fault='bytes', bytes=4 + 11)]
