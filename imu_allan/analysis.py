@@ -22,7 +22,12 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
-from imu_allan.recordings.repeated_messages import files_digest, Fingerprint, Seen
+from imu_allan.recordings.repeated_messages import (
+    files_digest,
+    sampled,
+    Seen,
+    share_messages,
+)
 from imu_allan.recordings.separate_gyro_and_accel import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
@@ -189,16 +194,15 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
         if Path(path).resolve() == Path(other).resolve():
             raise same_messages_error(other, path)
     recordings: list[list[Taken]] = []
-    fingerprints: list[Fingerprint] = []
+    messages: list[dict[int, bytes]] = []
     before = 0
     for path in paths:
-        fingerprint = Fingerprint()
+        messages.append({})
         with choice.opened(path) as recording:
-            taken = _taken(recording, choice, offset_progress(progress, before), fingerprint)
-        for other, known in zip(paths, fingerprints, strict=False):
-            if fingerprint.shares_messages_with(known):
+            taken = _taken(recording, choice, offset_progress(progress, before), messages[-1])
+        for other, known in zip(paths, messages[:-1], strict=False):
+            if share_messages(messages[-1], known):
                 raise same_messages_error(other, path)
-        fingerprints.append(fingerprint)
         if recordings and len(taken) != len(recordings[0]):
             raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
                                 f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
@@ -284,12 +288,12 @@ def means_over_one_second(recording: Recording, choice: Choice, axes: Collection
 
 
 def _taken(recording: Recording, choice: Choice, progress: Progress,
-           fingerprint: Fingerprint | None = None) -> list[Taken]:
+           messages: dict[int, bytes] | None = None) -> list[Taken]:
     """Take in the streams of a recording, one after the other."""
     taken: list[Taken] = []
     for one in _begun(recording, choice, progress):
-        one.characterization.take(one.blocks if fingerprint is None or taken else
-                                  fingerprint.watch(one.blocks))
+        one.characterization.take(one.blocks if messages is None or taken else
+                                  sampled(one.blocks, messages))
         one.take_temperature()
         taken.append(one)
     return taken

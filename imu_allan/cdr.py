@@ -59,14 +59,11 @@ class MessageBatch:
         The messages; may be a view of a buffer.
     receive_ns : ndarray of int64, shape (n,)
         Their receive stamps in nanoseconds.
-    numbers : ndarray of uint32, shape (n,), or None
-        Their sequence numbers, if the file format stores them.
 
     """
 
     rows: NDArray[np.uint8]
     receive_ns: Ints
-    numbers: NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ CODES: Mapping[str, Code] = {
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,
         bytes=Count | None, end=Text | None, whole_chunks=Count | None, reason=Text | None),
     'lost_messages': _know(
-        found=Count, counted=Count, topic=Text, by=Literal['metadata.yaml', 'numbers']),
+        found=Count, counted=Count, topic=Text),
     'missing_file': _know(missing=Count, listed=Count, files=Text),
     'malformed_messages': _know(
         what=Literal['line', 'message'], count=Count, topic=Text | None, type=Text | None,

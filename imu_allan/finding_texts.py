@@ -430,10 +430,8 @@ WORDS: Mapping[str, Words] = {
         brief='most of the recording is missing'),
     'lost_messages': Words(
         'lost messages', 'Fewer messages were found than recorded.',
-        'metadata.yaml counts more, or numbers of messages are missing.',
-        says=lambda f: '{found} of the {counted} messages of {topic} ' + (
-            'by their numbers were recorded' if f['by'] == 'numbers' else
-            'that metadata.yaml counts were found'),
+        'metadata.yaml counts more.',
+        says='{found} of the {counted} messages of {topic} that metadata.yaml counts were found',
         do=_again,
         general='copy it again',
         brief='most messages are lost'),

@@ -6,19 +6,18 @@ Detection of messages that come twice, in one recording or in several.
 The same data given twice would count as new data and make the intervals too narrow.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 import hashlib
 from itertools import pairwise
 from pathlib import Path
 from stat import S_ISDIR
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding, finding
 from imu_allan.state import Record
 import numpy as np
-from numpy.typing import NDArray
 
 _MOST = 2048
 """Samples remembered in total (110 kB), one in so many. If the start of a repetition is lost, one
@@ -54,93 +53,40 @@ def files_digest(path: str | Path) -> str | None:
     return digest.hexdigest()
 
 
-class Fingerprint:
+def sampled(blocks: Iterable[ImuBlock], kept: dict[int, bytes]) -> Iterator[ImuBlock]:
     """
-    A sample of a recording's messages, chosen by stamp so that a copy yields the same ones.
+    Pass blocks through and keep the first message of every ten seconds, by the number of these.
 
-    Attributes
-    ----------
-    kept : int
-        Number of messages kept.
+    The stamps decide, so that a copy yields the same messages.
 
     Examples
     --------
     >>> block = ImuBlock(np.arange(1, 100), np.arange(1, 100), np.random.rand(99, 6),
     ...                  np.zeros((99, 2), dtype=bool), 'imu')
-    >>> one, copy = Fingerprint(), Fingerprint()
-    >>> _ = list(one.watch([block])), list(copy.watch([block]))
-    >>> one.shares_messages_with(copy)
+    >>> one, copy = {}, {}
+    >>> _ = list(sampled([block], one)), list(sampled([block], copy))
+    >>> share_messages(one, copy)
     True
 
     """
-
-    def __init__(self) -> None:
-        self.kept = 0
-        self._bits = 0
-        self._stamps: list[Ints] = []
-        self._samples: list[Array] = []
-
-    def watch(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
-        """Pass blocks through and keep the chosen messages."""
-        for block in blocks:
-            # If the driver sets no stamps, use the receive stamps of the recorder.
-            stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
-            # Limit the memory to 15 MB: equal stamps are all kept or all dropped.
-            if self.kept < 1 << 18:
-                chosen = is_kept(stamps, self._bits)
-                self._stamps.append(stamps[chosen])
-                self._samples.append(block.samples[chosen])
-                self.kept += len(self._stamps[-1])
-            # Keep at least one message in 2^10: 5 MB for 100 million messages. Of an hour at
-            # 200 Hz one in 32 is kept, which reveals a common part of 1.3 s.
-            while self.kept > 1 << 15 and self._bits < 10:
-                self._thin()
-            yield block
-
-    def _thin(self) -> None:
-        """Drop about half of the kept messages."""
-        self._bits += 1
-        stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
-        chosen = is_kept(stamps, self._bits)
-        self._stamps, self._samples = [stamps[chosen]], [samples[chosen]]
-        self.kept = len(self._stamps[0])
-
-    def shares_messages_with(self, other: 'Fingerprint') -> bool:
-        """Return whether nearly all messages at common stamps have equal values."""
-        if not (self.kept and other.kept):
-            return False
-        times, mine = self._rows()
-        other_times, others = other._rows()
-        both = np.intersect1d(times, other_times)
-        mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
-        common = int(np.count_nonzero(np.isin(mine, others)))
-        # A part may begin within messages of one stamp, or have lost some. With coarse
-        # resolution, single values can coincide.
-        return (common >= min(8, self.kept, other.kept)
-                and common >= 0.9 * min(len(mine), len(others)))
-
-    def _rows(self) -> tuple[Ints, NDArray[np.void]]:
-        """Return stamps and (stamp, sample) rows, without stamps of more than 8 messages."""
-        stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
-        _, which, count = np.unique(stamps, return_inverse=True, return_counts=True)
-        # Where many messages share one stamp, coarse values coincide by chance.
-        few = count[which] <= 8
-        stamps, samples = stamps[few], samples[few]
-        rows = np.column_stack((stamps, (samples + 0.0).view(np.int64)))
-        return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]
+    for block in blocks:
+        # If the driver sets no stamps, use the receive stamps of the recorder.
+        stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
+        tens = stamps // 10_000_000_000
+        for row in np.flatnonzero(np.diff(tens, prepend=-1)).tolist():
+            # A month has this many; stamps that leap have more.
+            if len(kept) < 1 << 18:
+                message = stamps[row].tobytes() + block.samples[row].tobytes()
+                kept.setdefault(int(tens[row]), message)
+        yield block
 
 
-def is_kept(stamps: Ints, bits: int) -> Bools:
-    """Choose one message in 2^bits by stamp; more bits choose a subset of what fewer choose."""
-    if bits == 0:
-        return np.ones(len(stamps), np.bool_)
-    # One product leaves out thousands of stamps in a row at some regular steps; two mix them all
-    # (Stafford's variant 13 of the mixer of MurmurHash3).
-    mixed = stamps.astype(np.uint64)
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-        mixed = (mixed ^ mixed >> np.uint64(shift)) * np.uint64(factor)
-    kept: Bools = mixed >> np.uint64(64 - bits) == 0
-    return kept
+def share_messages(one: Mapping[int, bytes], other: Mapping[int, bytes]) -> bool:
+    """Return whether nearly all messages kept of the same ten seconds are equal."""
+    common = one.keys() & other.keys()
+    equal = sum(one[number] == other[number] for number in common)
+    # A part may begin within ten seconds. With coarse resolution, single values can coincide.
+    return equal > 0 and equal >= 0.9 * (len(common) - 1)
 
 
 @dataclass

@@ -104,12 +104,12 @@ def mcap_written(path: Path, profile: str = 'ros2', **options: Any,
 
         def write(topic: str, stamp: int | None = None, data: bytes = b'none', kind: str = IMU,
                   definition: str = '', encodings: tuple[str, str] = ('cdr', 'ros2msg'),
-                  number: int = 0, sequence: int = 0) -> None:
+                  number: int = 0) -> None:
             if (topic, number) not in channels:
                 schema = kind and writer.register_schema(kind, encodings[1], definition.encode())
                 channels[topic, number] = writer.register_channel(topic, encodings[0], schema or 0)
             if stamp is not None:
-                writer.add_message(channels[topic, number], stamp, bytes(data), stamp, sequence)
+                writer.add_message(channels[topic, number], stamp, bytes(data), stamp)
 
         yield write
         writer.finish()
@@ -134,7 +134,7 @@ def write_mcap(
         for number, (stamp, row) in enumerate(serialized(messages)):
             for _ in range(others(number)):
                 message('/other', stamp, b'\0\1\0\0' + bytes(number % 7 + 300))
-            message('/imu', stamp, row, sequence=number)
+            message('/imu', stamp, row)
     return path
 
 

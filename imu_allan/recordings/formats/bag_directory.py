@@ -71,7 +71,7 @@ class BagDirectory(Recording):
                 'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
                 'unfinished_recording'}.isdisjoint(remark.code for remark in self.remarks)):
             self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic),
-                        by='metadata.yaml', lost_share=1 - messages / counted)
+                        lost_share=1 - messages / counted)
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; if it is not the only one, report an error as a remark."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Literal
 
-from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
@@ -126,11 +125,11 @@ class ChunkedRecording(FileRecording):
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
         limits = ReadingLimits(self.path, self._most_steps)
         malformed = MalformedMessages()
-        damage, numbers = Damage(), MessageNumbers()
+        damage = Damage()
         messages = 0
 
         def decode(part: Part) -> list[ImuBlock]:
-            batches = numbers.seen(self._intact(file, part, wanted, limits, damage))
+            batches = self._intact(file, part, wanted, limits, damage)
             return [block for held in in_lists(batches) for block in decoder(held, malformed)]
 
         with self._stored.open('rb') as file:
@@ -145,12 +144,6 @@ class ChunkedRecording(FileRecording):
         malformed.report(imu, self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
-        # Messages lost to damage have been reported already.
-        whole = not (damage.end or damage.holes or damage.broken_chunks) and len(wanted) == 1
-        if whole and (lost := numbers.lost(sum(self._counts.values()) - expected)):
-            self.remark('lost_messages', found=messages, counted=messages + lost,
-                        topic=printable(topic), by='numbers',
-                        lost_share=lost / (messages + lost))
 
     def _intact(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                 limits: ReadingLimits, damage: 'Damage') -> Iterable[MessageBatch]:
@@ -260,37 +253,6 @@ class ChunkedRecording(FileRecording):
         else:
             damage.end = f'{left} bytes from byte {at} on are not whole records and are lost'
         return known
-
-
-class MessageNumbers:
-    """Sequence numbers of the messages of one channel; gaps in them are lost messages."""
-
-    def __init__(self) -> None:
-        self._last: Ints = np.zeros(0, np.int64)
-        self._steps = self._ones = self._back = self._skipped = 0
-
-    def seen(self, batches: Iterable[MessageBatch]) -> Iterator[MessageBatch]:
-        """Pass batches through and note their numbers."""
-        for batch in batches:
-            # Most writers leave the numbers at zero.
-            if batch.numbers is not None and batch.numbers[-1]:
-                numbers = np.concatenate((self._last, batch.numbers.astype(np.int64)))
-                step = np.diff(numbers)
-                ones = int(np.count_nonzero(step == 1))
-                self._steps += len(step)
-                self._ones += ones
-                if ones < len(step):
-                    self._back += int(np.count_nonzero(step <= 0))
-                    self._skipped += int(np.maximum(step - 1, 0).sum())
-                self._last = numbers[-1:]
-            yield batch
-
-    def lost(self, others: int) -> int:
-        """Return the number of lost messages, given that of other channels; 0 if not numbered."""
-        # Some writers number the messages of all channels together.
-        numbered = 3 * self._ones >= self._steps and 1000 * self._back <= self._steps
-        of_all = others and abs(self._skipped - others) <= 1 + 0.02 * others
-        return self._skipped if numbered and not of_all else 0
 
 
 @dataclass

@@ -187,4 +187,4 @@ def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatc
 
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:
     heads = records[:, :_HEAD.itemsize].view(_HEAD)[:, 0]
-    return MessageBatch(records[:, _HEAD.itemsize:], heads['log_ns'], heads['number'])
+    return MessageBatch(records[:, _HEAD.itemsize:], heads['log_ns'])

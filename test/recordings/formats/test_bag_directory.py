@@ -187,7 +187,7 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
             list(recording.decoded('/imu'))
             assert recording.remarks[1:] == [
                 bags.said(tmp_path, 'lost_messages', found=90, counted=counted, topic='/imu',
-                          by='metadata.yaml', severity=severity)]
+                          severity=severity)]
 
 
 EXPANDING = {

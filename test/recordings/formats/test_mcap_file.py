@@ -83,26 +83,6 @@ def test_several_channels_of_one_topic_are_read_together(tmp_path):
     assert_same(MESSAGES, read(path)[0])
 
 
-@pytest.mark.parametrize(('others', 'kept', 'number', 'lost'), [
-    (0, lambda n: n % 4, lambda n: n, 249),
-    (0, lambda n: n % 4, lambda _: 0, 0),
-    (1, lambda n: n % 100, lambda n: n, 9),
-    (1, lambda _: True, lambda n: n + n // 10, 0),
-], ids=['every fourth', 'no numbers', 'beside others', 'one counter for all topics'])
-def test_what_is_lost_by_the_numbers_of_messages_is_reported(tmp_path, others, kept, number, lost):
-    path, messages = tmp_path / 'a.mcap', 0
-    with bags.mcap_written(path) as message:
-        for n, (stamp, row) in enumerate(serialized(MESSAGES)):
-            if others and n % 10 == 0:
-                message('/other', stamp, kind='a_msgs/msg/B', definition='string s')
-            if kept(n):
-                message('/imu', stamp, row, sequence=number(n))
-                messages += 1
-    remarks = read(path)[1]
-    assert remarks == ([said(path, 'lost_messages', found=messages, counted=messages + lost,
-                             topic='/imu', by='numbers')] if lost else [])
-
-
 def test_ros1_messages_inside_mcap_are_read(tmp_path):
     path = tmp_path / 'a.mcap'
     with bags.mcap_written(path, 'ros1') as message:
