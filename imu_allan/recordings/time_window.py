@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
+from imu_allan.timeline.clock import repeated
+from imu_allan.timeline.stamps import flaw_of, Stamps
 from imu_allan.wording import duration
 import numpy as np
 
@@ -16,17 +18,21 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
     """Yield what was received in a window; if less was recorded, add a finding to `shortfall`."""
     begin: int | None = None
     first = last = 0
+    by_header = False
     for block in blocks:
         if not len(block):
             continue
         if begin is None:
-            first = int(block.receive_ns[0])
+            by_header = _by_header(block)
+        stamps = block.header_ns if by_header else block.receive_ns
+        if begin is None:
+            first = int(stamps[0])
             begin = _later(first, start_s)
-        last = int(block.receive_ns[-1])
-        keep = block.receive_ns >= begin
+        last = int(stamps[-1])
+        keep = stamps >= begin
         if duration_s is not None:
-            keep &= block.receive_ns < _later(begin, duration_s)
-            if not keep.any() and np.all(block.receive_ns >= _later(begin, duration_s)):
+            keep &= stamps < _later(begin, duration_s)
+            if not keep.any() and np.all(stamps >= _later(begin, duration_s)):
                 return
         if keep.all():
             yield block
@@ -41,6 +47,14 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
     # A request for 20 min of 19 min 59 s means all of it.
     if duration_s is not None and recorded_s < 0.99 * duration_s:
         shortfall.append(finding('short_part', recorded_s=recorded_s, asked_s=duration_s))
+
+
+def _by_header(block: ImuBlock) -> bool:
+    """Return whether only header stamps advance, as converters may copy one receive stamp."""
+    def unusable(stamps: Stamps) -> bool:
+        return flaw_of(stamps, repeated(block.samples), bursts=True) is not None
+
+    return unusable(block.receive_ns) and not unusable(block.header_ns)
 
 
 def _later(stamp_ns: int, seconds: float) -> int:
