@@ -199,6 +199,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
     from imu_allan.wording import clock_of, counted, duration, is_table, named
 
     timeline, table = summary.timeline, is_table(topic)
+    counts, cut = summary.counts, summary.motion.cut
     stamp = 'time' if table else 'header stamp'
     rows = [] if table else [('frame_id', summary.frame_id or '(empty)')]
     if summary.start_time is not None:
@@ -226,16 +227,16 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
         ('rejected', timeline.rejected)) if number]
     found += [counted(number, what) for what, number in (
         ('duplicate', timeline.duplicates),
-        (f'repeated {stamp}', summary.header_repeats),
-        (f'backward {stamp}', summary.header_backward),
-        ('repeated receive stamp', 0 if table else summary.receive_repeats),
-        ('backward receive stamp', 0 if table else summary.receive_backward),
-        ('clock jump', summary.clock_jumps)) if number]
+        (f'repeated {stamp}', counts.header.repeats),
+        (f'backward {stamp}', counts.header.backward),
+        ('repeated receive stamp', 0 if table else counts.receive.repeats),
+        ('backward receive stamp', 0 if table else counts.receive.backward),
+        ('clock jump', counts.clock_jumps)) if number]
     rows.append(('faults', ', '.join(found) or 'none'))
     listed = 5
     for name, spans, count, total in (
-            ('gaps', timeline.gaps, summary.gaps, summary.gaps_s),
-            ('motion', timeline.motion, summary.motions, summary.excluded_s)):
+            ('gaps', timeline.gaps, counts.gaps, counts.gaps_ns / 1e9),
+            ('motion', timeline.motion, cut.count, cut.total_s)):
         if spans:
             where = ', '.join(f'{duration(span.duration_s)} at {duration(span.start_s)}'
                               for span in spans[:listed])

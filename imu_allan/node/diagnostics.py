@@ -173,7 +173,7 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
         Condition('probation', facts.on_probation, OK,
                   'looking whether the messages are of the IMU of the run'),
-        Condition('moving', summary.moving, WARN,
+        Condition('moving', summary.motion.moving, WARN,
                   'the IMU moves: what it measures meanwhile is left out',
                   'the IMU is at rest again'),
         Condition('mostly_motion', summary.mostly_motion, WARN,
@@ -202,7 +202,7 @@ def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
     """Return the totals of faults whose increase is a warning."""
     return {**{key: getattr(summary.timeline, key)
                for key in ('missing', 'duplicates', 'out_of_order', 'rejected')},
-            'unusable': unusable(summary), 'clock_jumps': summary.clock_jumps}
+            'unusable': unusable(summary), 'clock_jumps': summary.counts.clock_jumps}
 
 
 def unusable(summary: TimelineSummary) -> int:
@@ -213,10 +213,12 @@ def unusable(summary: TimelineSummary) -> int:
 
 
 def _timeline(facts: Facts, summary: TimelineSummary) -> Status:
-    samples = summary.timeline.samples
-    known = {**vars(summary.timeline), **vars(summary), 'rate_hz': summary.measured_rate_hz,
-             'motion_excluded_s': summary.excluded_s,
-             'rest_s': rest_s(summary.timeline, summary.excluded_s),
+    samples, counts, motion = summary.timeline.samples, summary.counts, summary.motion
+    known = {**vars(summary), **vars(summary.timeline), **vars(counts),
+             'rate_hz': summary.measured_rate_hz, 'longest_gap_s': counts.longest_gap_ns / 1e9,
+             'header_repeats': counts.header.repeats, 'header_backward': counts.header.backward,
+             'moving': motion.moving, 'motion_excluded_s': motion.cut.total_s,
+             'rest_s': rest_s(summary.timeline, motion.cut.total_s),
              'expected_rate_hz': facts.expected_rate or None}
     return *_worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
                    f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz'), {

@@ -7,7 +7,7 @@ The result, `imu_allan info` and the node's /diagnostics all describe one
 `TimelineSummary`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
@@ -42,10 +42,10 @@ class TimelineSummary:
         Whether each axis was ever present; the others are NaN in every block.
     messages : int
         Messages seen, including those still held back.
-    interpolated : int
-        Missing samples that were interpolated by the local mean.
-    gaps, gaps_s, longest_gap_s : int, float, float
-        Number, total and longest duration of the gaps that were not interpolated, listed or not.
+    counts : Counts
+        Messages by what became of them, gaps, and the faults of the stamps.
+    motion : MotionSummary
+        What was cut out as motion; nothing if motion is kept.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
     stamps_read : tuple of {'counted', 'placed', 'ticks', 'batches'}
@@ -53,14 +53,6 @@ class TimelineSummary:
         several messages share a tick, with 'batches' batches overlap. Empty without a clock.
     jitter_s : float or None
         Standard deviation of the latest stamps about the grid.
-    header_repeats, header_backward, receive_repeats, receive_backward : int
-        Stamps equal to, or earlier than, that of the message before, on either clock.
-    clock_jumps : int
-        Jumps of the clock in use.
-    motions, excluded_s : int, float
-        Number and total duration of the spans of motion cut out, listed or not.
-    moving : bool
-        Whether motion was seen within the last seconds.
     mostly_motion : bool
         Whether more than half of the samples are motion and no segment of five seconds is at rest.
         Then this is not a recording at rest.
@@ -78,21 +70,11 @@ class TimelineSummary:
     remarks: tuple[Finding, ...]
     present: tuple[bool, ...]
     messages: int = 0
-    interpolated: int = 0
-    gaps: int = 0
-    gaps_s: float = 0.0
-    longest_gap_s: float = 0.0
+    counts: Counts = field(default_factory=Counts)
+    motion: MotionSummary = field(default_factory=MotionSummary)
     measured_rate_hz: float | None = None
     stamps_read: tuple[str, ...] = ()
     jitter_s: float | None = None
-    header_repeats: int = 0
-    header_backward: int = 0
-    receive_repeats: int = 0
-    receive_backward: int = 0
-    clock_jumps: int = 0
-    motions: int = 0
-    excluded_s: float = 0.0
-    moving: bool = False
     mostly_motion: bool = False
     turned: tuple[str, ...] = ()
     density_error: tuple[float, float] = (0.0, 0.0)
@@ -134,16 +116,11 @@ def summarize(memory: Memory) -> TimelineSummary:
         remarks=remarks,
         present=tuple(axis.ever for axis in memory.presence.axes),
         messages=counts.messages + memory.pending.messages,
-        interpolated=counts.interpolated,
-        gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,
-        longest_gap_s=counts.longest_gap_ns / SECOND,
+        counts=counts.copy(),
+        motion=motion.copy(),
         measured_rate_hz=None if decision.counted_only else measured,
         stamps_read=_how_read(decision),
         jitter_s=jitter,
-        header_repeats=counts.header.repeats, header_backward=counts.header.backward,
-        receive_repeats=counts.receive.repeats, receive_backward=counts.receive.backward,
-        clock_jumps=counts.clock_jumps,
-        motions=motion.cut.count, excluded_s=motion.cut.total_s, moving=motion.moving,
         mostly_motion=mostly_motion(motion),
         turned=tuple(name for axis, name in enumerate(AXES)
                      if any(found[2] == axis for found in turns)),

@@ -134,5 +134,5 @@ def test_stop_and_go_shows_the_noise_of_the_sensor(seed, hours):
             found, true = axis.coefficients[key], MODEL.axes[name][key]
             low, high = found.ci95 or (0.0, found.upper95 or 0.0)
             assert low - (high - low) < true < high + (high - low), (name, key, low, high)
-    used_s = summary.timeline.samples / RATE_HZ - summary.excluded_s
+    used_s = summary.timeline.samples / RATE_HZ - summary.motion.cut.total_s
     assert 0.7 * at_rest_s < used_s < 1.02 * at_rest_s

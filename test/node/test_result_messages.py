@@ -23,6 +23,8 @@ from imu_allan.result import Coefficient, GoodnessOfFit, Timeline, Tone, TurnOnB
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
+from imu_allan.timeline.memory import Counts
+from imu_allan.timeline.motion import MotionSummary
 from imu_allan.writers.result_file import save_result
 import numpy as np
 import pytest
@@ -143,8 +145,8 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
      '200 samples missing, 4 duplicates, 1 message rejected, 2 jumps of the clock in the last '
      '30 s; the header stamps jumped 2 times: no difference is taken across a jump'),
     ('timeline', facts(), summary(timeline=Timeline(
-        100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
-        remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),
+        100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3),
+        counts=Counts(clock_jumps=2), remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),
     ('estimation', facts(errors={'fit': 'broken'}), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),
     ('storage', facts(errors={'save': 'No space left'}), summary(), ERROR, 'No space left')])
@@ -171,7 +173,8 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
                 malformed=1, lost=3, temperature_topic='/warmth', temperature_missing=True)
     rejected = Timeline(100.0, 1000, 10.0, rejected=1)
-    moving = summary(moving=True, clock_jumps=1, timeline=rejected)
+    moving = summary(motion=MotionSummary(moving=True), counts=Counts(clock_jumps=1),
+                     timeline=rejected)
     for now in range(100):
         changes.see_reception(bad)
         changes.see_timeline(now, bad, moving)

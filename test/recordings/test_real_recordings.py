@@ -65,7 +65,7 @@ def test_repeated_and_backward_header_stamps_of_a_real_driver_are_counted():
     with open_recording(DATA / 'robot_localization_test1_2imu_xsens') as recording:
         summary, _ = run(read_blocks(recording, '/my_odometry2imu/imu_data'))
     assert summary.messages == 13_333
-    assert (summary.header_repeats, summary.header_backward) == (347, 31)
+    assert (summary.counts.header.repeats, summary.counts.header.backward) == (347, 31)
     assert (summary.timeline.duplicates, summary.timeline.out_of_order) == (347, 31)
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-4)
     assert not summary.mostly_motion

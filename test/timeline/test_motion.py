@@ -42,13 +42,13 @@ def test_knocks_of_twenty_sigma_over_50_ms_are_cut_out_and_listed(rate_hz, axes)
         hit = (time >= at) & (time < at + 0.05)
         block.samples[hit, axes] += 20 * SIGMA * rng.normal(size=block.samples[hit, axes].shape)
     summary, even = run(block)
-    assert summary.motions == len(summary.timeline.motion) == len(knocks)
+    assert summary.motion.cut.count == len(summary.timeline.motion) == len(knocks)
     for at in knocks:
         assert covered(summary.timeline.motion, at - 0.3, min(0.65, 240 - at + 0.3))
-    assert summary.excluded_s < 4 * len(knocks)
+    assert summary.motion.cut.total_s < 4 * len(knocks)
     assert not summary.mostly_motion
     places, rows = rows_by_place(even)
-    assert len(places) == pytest.approx(len(block) - summary.excluded_s * rate_hz)
+    assert len(places) == pytest.approx(len(block) - summary.motion.cut.total_s * rate_hz)
     assert np.abs(rows - [0, 0, 0, 0, 0, 9.81]).max() < 7 * SIGMA
     assert np.array_equal(rows, block.samples[places])
     assert 'motion' in codes(summary)
@@ -65,7 +65,7 @@ def test_an_imu_that_is_picked_up_turned_and_put_back_is_cut_out(rate_hz):
     summary, even = run(block)
     assert covered(summary.timeline.motion, 149.5, 3.0)
     assert covered(summary.timeline.motion, 157.5, 3.0)
-    assert summary.excluded_s < 25
+    assert summary.motion.cut.total_s < 25
     _, rows = rows_by_place(even)
     assert np.abs(rows[:, 0]).max() < 7 * SIGMA
 
@@ -78,7 +78,7 @@ def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving
     block.samples[early] += 0.3 * np.sin(2 * np.pi * 1.3 * time[early])[:, None]
     summary, even = run(block)
     assert covered(summary.timeline.motion, 0.0, moving_s)
-    assert summary.excluded_s < moving_s + 10
+    assert summary.motion.cut.total_s < moving_s + 10
     places, _ = rows_by_place(even)
     assert even[0].new_run
     assert places[0] >= moving_s * rate_hz
@@ -91,7 +91,7 @@ def test_kept_motion_stays_and_is_reported():
     summary, even = run(block, motion='keep')
     assert summary.timeline.motion == ()
     assert np.array_equal(rows_by_place(even)[1], block.samples)
-    assert (summary.motions, summary.mostly_motion) == (0, False)
+    assert (summary.motion.cut.count, summary.mostly_motion) == (0, False)
     (remark,) = summary.remarks
     assert (remark.code, remark.values['count']) == ('motion_kept', 1)
     assert 1 <= remark.values['seen_s'] < 10
@@ -103,7 +103,7 @@ def test_a_fan_that_goes_on_running_is_reported_and_kept_after_a_while():
     block.samples[60_000:] += np.random.default_rng(1).normal(size=(60_000, 6)) * 3.5 * SIGMA
     summary, even = run(block)
     assert not summary.mostly_motion
-    assert summary.excluded_s < 200
+    assert summary.motion.cut.total_s < 200
     assert 'noise_level_changed' in codes(summary)
     assert rows_by_place(even)[0][-1] == 119_999
 
