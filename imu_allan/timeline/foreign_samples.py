@@ -2,13 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that are not the sensor's own: those of a second publisher, and isolated outliers."""
 
-from collections.abc import Iterator
-from math import pi
-from typing import Any, Literal
+from typing import Literal
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Bools
 import numpy as np
-from numpy.typing import NDArray
 
 LARGEST = 1e9
 """Larger values, in SI units, are corrupt data, as no IMU measures them."""
@@ -78,110 +75,6 @@ def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:
     # A vibration at a quarter of the rate has an alternating magnitude.
     quarter = power[_BLOCK // 4 - 1:_BLOCK // 4 + 2].max(axis=0)
     return line & own, own & (quarter <= threshold * level)
-
-
-def are_interleaved(stamps: Ints, samples: Array, interval_ns: float
-                    ) -> Literal['', 'half', 'apart']:
-    """Return whether two sensors publish in turn, even with losses, and how far apart."""
-    # Messages are divided into two sides by their values. Messages of one sensor are whole
-    # intervals apart, those of two are not, and this persists. If there is only one, sides and
-    # times are independent. A vibration at half the rate has sides half a period apart, as two
-    # sensors may.
-    # More messages are not needed to recognize the turns.
-    time = (stamps[:2048] - stamps[0]).astype(np.float64)
-    if len(time) < 512:
-        return ''
-    samples = samples[:len(time)]
-    known = np.clip(samples[:, np.isfinite(samples).all(axis=0)], -LARGEST, LARGEST)
-    known = known - np.median(known, axis=0)
-    known = known[:, known.std(axis=0) > 0]
-    if not known.shape[1]:
-        return ''
-    known /= known.std(axis=0)
-    # If two sensors lose many messages, the interval of each is two grid places, or three of which
-    # one is empty.
-    taken = np.bincount(np.rint(time / interval_ns).astype(np.int64) % 3, minlength=3)
-    grid = [2 * interval_ns, *([3 * interval_ns] if taken.min() < 0.1 * len(time) else [])]
-    places = np.diff(time) / interval_ns
-    if np.mean(np.abs(places - np.rint(places)) < 0.1) < 0.8:
-        # Two that each drop one of three or four: the interval is that of all messages.
-        grid += [3 / 2 * interval_ns, 4 / 3 * interval_ns]
-    kind: Literal['half', 'apart'] = 'half'
-    for axes in range(_enough_axes(known)):
-        # Side and time correlate by 0.2 to 1 for two sensors. None of 289 random scenarios with
-        # one sensor reached 0.03; anticorrelated noise with losses reaches 0.12. Axes after the
-        # one that shows it most show it less.
-        found = _side_in_time(time, known, grid, 0.06 if axes else 0.2)
-        if found is None:
-            return ''
-        side, period = found
-        # The sides of a vibration are half a period apart, up to jitter.
-        if _offset(time, side, period) < 0.4:
-            kind = 'apart'
-        part = np.maximum(np.abs(side @ known), np.abs(side @ (known**2 - 1)))
-        known = np.delete(known, int(np.argmax(part)), axis=1)
-    return kind
-
-
-def _side_in_time(time: Array, known: Array, grid: list[float], least: float
-                  ) -> tuple[Array, float] | None:
-    """Divide messages by value into two sides that depend on time; return sides and period."""
-    if not known.shape[1]:
-        return None
-    steps = np.diff(time)
-    for along in _apart(known):
-        side = np.where(along > np.quantile(along, (0.1, 0.9)).mean(), 1.0, -1.0)
-        one = steps[side[1:] == side[:-1]]
-        periods = [float(np.median(time[2:] - time[:-2])), *grid]
-        # Fewer steps within one side do not give the shortest interval. Chosen by judgment.
-        if len(one) >= 32:
-            # The quantile is one of the steps, since none may lie near an interpolated one.
-            short = float(np.quantile(one, 0.2, method='lower'))
-            shortest = float(one[np.abs(one - short) <= 0.3 * abs(short)].mean())
-            periods += [shortest, 2 * shortest]
-        side -= side.mean()
-        products = _products_in_time(side)
-        for period in periods:
-            # Jitter of a fifth of the interval leaves the period off by up to 1.4 %.
-            if period > 0 and any(_in_turn(time, period * (1 + off), products, least)
-                                  for off in np.linspace(-0.014, 0.014, 5).tolist()):
-                return side, period
-    return None
-
-
-def _offset(time: Array, side: Array, period: float) -> float:
-    """Return the distance in time between the sides, in periods, from 0 to 0.5."""
-    change = np.sign(side[1:]) - np.sign(side[:-1])
-    turn = np.exp(2j * pi / period * np.diff(time) * np.sign(change))[change != 0]
-    mean = complex(turn.mean())
-    # Where distances scatter all over the period, their mean says nothing.
-    return abs(float(np.angle(mean))) / (2 * pi) if abs(mean) > 0.2 else 0.5
-
-
-def _in_turn(time: Array, period: float, products: Array, least: float) -> bool:
-    """Return whether messages are whole periods apart if, and only if, they share a side."""
-    phase = np.exp(2j * pi / period * time)
-    whole = _products_in_time(phase)
-    whole -= whole.mean()
-    spread = float(np.mean(whole**2) * np.mean(products**2))
-    return spread > 1e-6 and float(np.mean(whole * products)) > least * spread**0.5
-
-
-def _products_in_time(values: NDArray[Any]) -> Array:
-    """Multiply values by those before, after which random losses have mixed two sensors."""
-    # A vibration persists that long.
-    return np.concatenate([(values[lag:] * values[:-lag].conj()).real for lag in range(16, 25)])
-
-
-def _apart(known: Array) -> Iterator[Array]:
-    """Yield what may separate two sensors: directions in which neighbours differ, and power."""
-    level, axes = np.linalg.eigh(known.T @ known / len(known))
-    noisy = level > 1e-9 * level[-1]
-    white = known @ (axes[:, noisy] / np.sqrt(level[noisy]))
-    for beside in (1, 2):
-        product = white[beside:].T @ white[:-beside]
-        yield white @ np.linalg.eigh(product + product.T)[1][:, 0]
-    yield np.sum(white**2, axis=1)
 
 
 def noise_of_steps(steps: Array) -> Array:

@@ -19,7 +19,7 @@ from imu_allan.timeline.clock import (
     replace_header_clock,
     stamps_of,
 )
-from imu_allan.timeline.foreign_samples import alternates, are_interleaved, LARGEST
+from imu_allan.timeline.foreign_samples import alternates, LARGEST
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages, Window
 from imu_allan.timeline.stamps import SECOND, Stamps
@@ -103,17 +103,11 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
 
 def _seek_second_publisher(memory: Memory, window: Window, repeats: Repeats) -> None:
     """Look for a second publisher."""
-    decision = memory.decision
-    rows = ~(repeats.held | repeats.frozen)
-    samples = window.samples[rows]
-    seen: list[str] = [alternates(samples)]
-    if 'noise' not in seen:
-        seen += [are_interleaved(stamps[rows], samples, decision.pace.interval_ns)
-                 for stamps in stamps_of(memory, window)]
-    if any(seen):
-        # With a clock that is read in batches, a vibration looks like two publishers.
-        two = 'noise' in seen or ('apart' in seen and 'half' not in seen)
-        decision.remarks['several_publishers' if two else 'alternating'] = {}
+    seen = alternates(window.samples[~(repeats.held | repeats.frozen)])
+    if seen:
+        # Means alternate by a vibration as well, but noise only where there are two sensors.
+        code = 'several_publishers' if seen == 'noise' else 'alternating'
+        memory.decision.remarks[code] = {}
 
 
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
