@@ -8,8 +8,7 @@ Several recordings of one IMU give one result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from heapq import merge
 from itertools import combinations, repeat
@@ -33,11 +32,11 @@ from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
 from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
-from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
-from imu_allan.tuning.means import Means
+from imu_allan.timeline import TimelineOptions
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
+    from imu_allan.characterization.axis_groups import FinishedRecord
     from imu_allan.noise.axis_fit import AxisFit
 
 
@@ -272,19 +271,10 @@ def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]
     return with_words(_as_one(taken, results)), fits
 
 
-def means_over_one_second(recording: Recording, choice: Choice, axes: Collection[str],
-                          progress: Progress) -> list[Means]:
-    """Return the means over one second at rest, for each half of an IMU that has two."""
-    found = []
-    for stream, options, blocks, _ in _streams(recording, choice, progress):
-        stage = TimelineStage(options)
-        means = Means([name for name in axes if name.startswith(stream.half or '')])
-        for block in blocks:
-            with suppress(NoAxes):
-                means.take(stage.push(block), stage.interval_ns)
-        means.take(stage.flush(), stage.interval_ns)
-        found.append(means)
-    return found
+def records_of(recording: Recording, choice: Choice, progress: Progress) -> list[FinishedRecord]:
+    """Return the data at rest of a recording, for each half of an IMU that has two."""
+    taken = _taken(recording, choice, progress)
+    return [record for one in taken if (record := one.characterization.record()) is not None]
 
 
 def _taken(recording: Recording, choice: Choice, progress: Progress,

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict[str, FieldTest]':
     """Run filters with the numbers of some axes over the other recording."""
-    from imu_allan.analysis import Choice, means_over_one_second
+    from imu_allan.analysis import Choice, records_of
     from imu_allan.timeline import TimelineOptions
     from imu_allan.tuning.field_test import field_test
     from imu_allan.writers.result_file import is_result
@@ -99,10 +99,13 @@ def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict
     choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
     with choice.opened(args.verify) as recording, progress_bar(
             args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
-        means = means_over_one_second(recording, choice, axes, progress)
+        records = records_of(recording, choice, progress)
     tested: dict[str, FieldTest] = {}
-    for part in means:
-        tested |= field_test(axes, part, args.aiding, args.coast, args.bias)
+    for record in records:
+        for group in record.groups:
+            tested |= field_test(axes, group.names, group.estimator.periodogram,
+                                 1 / record.rate_hz, args.aiding, args.coast, args.bias)
     if not tested:
-        raise ImuAllanError(f'{args.verify}: no axis of the result has noise there')
+        raise ImuAllanError(f'{args.verify}: no axis of the result has noise there, at rest for '
+                            '20 s in a row: nothing to run a filter over')
     return tested

@@ -33,7 +33,7 @@ from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
 from numpy.typing import ArrayLike
 
-MISFIT = 0.1
+_MISFIT = 0.1
 """Misfit that limits the weight of a half-octave; else one at the fast end would dominate."""
 _FEWEST_GROUPS = 8
 """Fewest groups, eight to an octave, that separate a process from white noise (by judgment)."""
@@ -138,7 +138,7 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
         if len(below.dof) < _FEWEST_GROUPS and terms is not None:
             break
         edge = hz * scale
-        band = (below if len(below.dof) >= _FEWEST_GROUPS else groups).capped(MISFIT)
+        band = (below if len(below.dof) >= _FEWEST_GROUPS else groups).capped(_MISFIT)
         terms = maximise(band, fixed={QUANTIZATION: 0.0})
         octave, dof = below.half_octaves()
         ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)

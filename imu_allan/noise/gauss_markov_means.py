@@ -40,28 +40,3 @@ def rest_of_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
     x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
     full = mean_variance(1.0, x) - on_mean(1.0, x) ** 2
     return np.where(x < _SMALL, 2 * x / 3 * (1 - 3 * x / 4 + 7 * x * x / 20), full)
-
-
-def dct_power(time_s: float, interval_s: float, length: int) -> Array:
-    """
-    Exact expected power of means over consecutive intervals, by DCT coefficient.
-
-    The spectrum of an infinite process overestimates the lowest coefficients of a short series,
-    by a quarter if the process is slow.
-
-    `time_s`: correlation time T of the process, whose variance is 1. `interval_s`: interval t of a
-    mean. `length`: number of means. Returns shape (length - 1,): expected squared orthonormal
-    DCT-II coefficients 1 to length - 1. Means k apart have the covariance w(t/T)^2 exp(-(k - 1)
-    t/T), whose sums with the cosines are geometric series.
-    """
-    x = interval_s / time_s
-    angle = np.pi * np.arange(1, length) / length
-    first = np.sqrt(2 / length) * np.exp(0.5j * angle)
-    # z - r and 1 - z r, with z = exp(i angle) and r = exp(-x). Computed directly, they would lose
-    # most digits at low coefficients of a slow process.
-    apart, against = np.expm1(1j * angle) - np.expm1(-x), -np.expm1(1j * angle - x)
-    past = first / apart
-    last = 1 - np.exp(1j * angle * length - length * x)
-    pairs = (length / 2 * np.real(first * np.conj(past))
-             - np.real(past) * np.real(first * last / against))
-    return np.asarray(mean_variance(1.0, x) + 2 * on_mean(1.0, x) ** 2 * pairs)

@@ -19,7 +19,7 @@ from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.gaps import filled
 from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.record.periodogram import SpectrumSection, whole_section
+from imu_allan.noise.record.periodogram import whole_section
 from imu_allan.result import (
     AxisResult,
     Backtest,
@@ -183,10 +183,6 @@ def _averaged(rows: Array, size: int) -> Array:
 def _fitted(row: Array, step_s: float) -> DriftModel | None:
     if not np.ptp(row) > 0:
         return None
-    return fit_drift_model(grouped(bins_of([section_of(row[None])], step_s), 0), step_s)
-
-
-def section_of(rows: Array) -> SpectrumSection:
-    """Return the spectrum of consecutive means, shape (axes, n), as one section."""
-    # Relative to their mean, so that a large one costs no digits.
-    return whole_section(rows - rows.mean(axis=1, keepdims=True))
+    # Relative to its mean, so that a large one costs no digits.
+    section = whole_section((row - row.mean())[None])
+    return fit_drift_model(grouped(bins_of([section], step_s), 0), step_s)

@@ -3,7 +3,6 @@
 """Uncertainty of the drift that a recording shows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
@@ -128,29 +127,6 @@ def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
     # The limit, for a horizon of thousands of records, keeps its band finite.
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
     return np.asarray(np.sqrt(1 / (2 * dof)))
-
-
-def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> Interval:
-    """
-    Widen the interval of a scaled drift by what the shape of the model leaves open.
-
-    The first recording knows that shape no better than the drift over the longest time without
-    correction: the deviation of means over that time, without its noise. The interval may be open
-    on either side.
-    """
-    model = drift_model_of(axis)
-    drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
-                  / drift_avar(model, axis.tones, coast_s))
-    # The drift's share of the variance of a mean. Less than half was hidden, and the other
-    # recording shows more.
-    spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, 0.5)
-    by = chi_square.NORMAL95 * spread
-    low, high = ends
-    if not low > 0:
-        # The distance from a factor near zero to its bound is not a spread to add in square.
-        return low, high * float(np.exp(by))
-    low = factor * float(np.exp(-np.hypot(np.log(factor / low), by)))
-    return low, factor * float(np.exp(np.hypot(np.log(high / factor), by)))
 
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:

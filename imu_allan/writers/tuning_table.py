@@ -176,21 +176,18 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
 def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'
                      ) -> Group:
     """Return a table of how filters with the numbers of one recording performed in another."""
-    def factor_of(value: float, ci95: Interval) -> str:
-        return f'{value:.2f} ({ci95[0]:.2f}-{ci95[1]:.2f})'
+    def factor_of(found: tuple[float, Interval]) -> str:
+        value, (low, high) = found
+        return f'{value:.3g}\n({number(low, 2)}-{number(high, 2)})'
 
-    first = next(iter(found.values()))
+    first, second = next(iter(found.values())), 'K' if bias == 'random_walk' else 'sigma'
     parts = ('in one part' if first.stops == 1
              else f'in {first.stops} parts, in each of which the filter begins anew')
     table = bare_table('axis', 'numbers',
                        *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
                        *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
-    second = 'K' if bias == 'random_walk' else 'sigma'
-    factors = bare_table('axis', 'N times', f'{second} times', texts=1)
     for name, one in found.items():
         factor, unit = engineering(1.0, AXES[name].unit)
-        factors.add_row(spoken(name), factor_of(one.noise_factor, one.noise_ci95),
-                        factor_of(one.random_walk_factor, one.random_walk_ci95))
         for what, met in ((TUNED, one.tuned), (FULL, one.full)):
             table.add_row(
                 f'{spoken(name)}\n{unit}' if what == TUNED else '',
@@ -199,16 +196,21 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'r
                 *(f'{number(row.observed_rms * factor, 3)}\n'
                   f'({number(low * factor, 2)}-{number(high * factor, 2)})'
                   for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
+        cells = [''] * (len(one.tuned.innovations) + len(one.tuned.coasts))
+        cells[0] = factor_of(one.noise_factor)
+        if one.drift_factor is not None:
+            cells[-1] = factor_of(one.drift_factor)
+        table.add_row('', f'N, {second} times', *cells)
     return Group(
         Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
              f'{other}, {parts}:'), table,
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
              'that time unaided. In brackets: where 95 % of such errors should lie if '
-             'the sensor were as the first recording has it.', 'dim'), Text(), factors,
-        Text(f'N times, {second} times: the factor that would make the tuned numbers right there, '
-             'with its 95 % interval. Above 1 with motors or wheels running, it is what the '
-             'motion adds: put it into --inflate.', 'dim'))
+             'the sensor were as the first recording has it.', 'dim'),
+        Text(f'N, {second} times: the root of the first NIS, and the last error over the '
+             'predicted one, with 95 % intervals. Above 1 with motors or wheels running, they '
+             'are what the motion adds: put them into --inflate.', 'dim'))
 
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
@@ -225,12 +227,11 @@ def field_test_document(found: Mapping[str, FieldTest], bias: Bias = 'random_wal
                         ) -> dict[str, Any]:
     """Return the content of the table on another recording as plain data."""
     second = 'random_walk' if bias == 'random_walk' else 'sigma'
-    return {name: {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
-                   f'{second}_factor': one.random_walk_factor,
-                   f'{second}_ci95': _finite(one.random_walk_ci95), 'tested_s': one.tested_s,
-                   'stops': one.stops, 'tuned': asdict(one.tuned), 'full': asdict(one.full)}
-            for name, one in found.items()}
-
-
-def _finite(ends: tuple[float, float]) -> list[float | None]:
-    return [end if np.isfinite(end) else None for end in ends]
+    rows: dict[str, Any] = {}
+    for name, one in found.items():
+        factor, ci95 = one.noise_factor
+        drift, drift_ci95 = one.drift_factor or (None, None)
+        rows[name] = {'noise_factor': factor, 'noise_ci95': ci95, f'{second}_factor': drift,
+                      f'{second}_ci95': drift_ci95, 'tested_s': one.tested_s, 'stops': one.stops,
+                      'tuned': asdict(one.tuned), 'full': asdict(one.full)}
+    return rows

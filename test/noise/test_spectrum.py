@@ -6,7 +6,7 @@ from decimal import Decimal, localcontext
 
 from imu_allan.noise import spectrum, terms
 from imu_allan.noise.fitted_model import FittedModel
-from imu_allan.noise.gauss_markov_means import dct_power, mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.noise.simulate import MarkovBank, NoiseStream, simulate
 from imu_allan.result import GaussMarkov
 import numpy as np
@@ -132,18 +132,6 @@ def test_moments_of_a_mean_are_exact_on_both_sides_of_the_series(interval):
     assert float(mean_variance(1.0, interval)) == pytest.approx(float(variance), rel=1e-9)
     # What the state does not tell.
     assert float(rest_of_mean(1.0, interval)) == pytest.approx(float(rest), rel=1e-8)
-
-
-@pytest.mark.parametrize('length', [2, 3, 16, 60, 501])
-@pytest.mark.parametrize('time', [0.01, 0.3, 8.0, 5000.0, 1e5])
-@pytest.mark.parametrize('interval', [1.0, 20.0])
-def test_the_power_of_a_cosine_in_means_is_that_of_their_covariance(length, time, interval):
-    x = interval / time
-    covariance = toeplitz(np.concatenate((
-        [mean_variance(1.0, x)], on_mean(1.0, x) ** 2 * np.exp(-x * np.arange(length - 1)))))
-    cosines = dct(np.eye(length), norm='ortho', axis=0)[1:]
-    exact = np.einsum('ja,ab,jb->j', cosines, covariance, cosines)
-    np.testing.assert_allclose(dct_power(time, interval, length), exact, rtol=1e-8)
 
 
 def mean_allan_variance(draw, runs, sizes=SIZES):
