@@ -60,7 +60,6 @@ CODES: Mapping[str, Code] = {
     'constant_axis': _act(value=InUnit, unit=Text),
     'saturated': _act(share=Share, value=InUnit, unit=Text, end=Literal['highest', 'lowest']),
     'deadband': _act(share=Share, width=InUnit, unit=Text),
-    'copied_axis': _act(opposite=Flag),
     'high_passed': _act(corner_hz=Hertz),
     'filtered': _act(),
     'axis_not_finite': _act(no_column=Flag | None),

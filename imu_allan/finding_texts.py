@@ -198,13 +198,6 @@ WORDS: Mapping[str, Words] = {
         do='no coefficient is given; switch the deadband off',
         live='no coefficient is given; switch the deadband off, then call ~/reset',
         brief='small values are given as 0'),
-    'copied_axis': Words(
-        'copied axis', 'The driver gives one axis twice, and another not at all.',
-        'All samples of two axes are equal.',
-        says='they are the same to the last digit of every sample{opposite:if , but for the '
-             'sign}: the driver gives one axis twice',
-        do='correct the assignment of axes in the driver',
-        brief='one axis is given twice'),
     'high_passed': Words(
         'slow part removed', 'A filter has removed the bias, and slow noise with it.',
         'The spectrum falls towards low frequencies.',

@@ -23,7 +23,7 @@ LISTED_SPANS = 1000
 """Most gaps, and most spans of motion, that are listed; further ones are only counted."""
 
 Interval = tuple[float, float]
-Fault = Literal['constant', 'dead', 'saturated', 'zeroed', 'copied']
+Fault = Literal['constant', 'dead', 'saturated', 'zeroed']
 AboveZero = Annotated[float, ABOVE_ZERO]
 NotNegative = Annotated[float, NOT_NEGATIVE]
 
@@ -396,13 +396,11 @@ class AxisResult:
     `band_limit_s` is the effective window of a low-pass, if one was found. `band_edge_hz` is the
     highest fitted frequency, if higher ones were excluded. `tones` are the lines excluded from
     the fit, the strongest first. They are part of the noise of a sample. `coarse_step` is the step
-    of an output that is coarser than that noise. `copy_of` is the axis that every sample repeats,
-    with a minus if the sign is opposite.
+    of an output that is coarser than that noise.
 
     An axis has no coefficients if it was constant during `stood_still`, is `saturated` or has a
     `deadband`. Neither has one from a filter that removes everything slower than `high_passed_hz`,
-    the mean included. If one of several recordings has such a fault, only the others give
-    coefficients.
+    the mean included.
     """
 
     quantity: str
@@ -427,7 +425,6 @@ class AxisResult:
     saturated: Saturation | None = None
     deadband: Deadband | None = None
     coarse_step: float | None = None
-    copy_of: str | None = None
     power_law: PowerLaw | None = None
 
     @property
@@ -440,7 +437,7 @@ class AxisResult:
         """Return why the axis fails to measure, at least at times; a deadband is 'zeroed'."""
         seen: dict[Fault, object] = {
             'constant': self.constant, 'dead': self.stood_still, 'saturated': self.saturated,
-            'zeroed': self.deadband, 'copied': self.copy_of}
+            'zeroed': self.deadband}
         return next((fault for fault, found in seen.items() if found), None)
 
     def __str__(self) -> str:

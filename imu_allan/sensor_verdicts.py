@@ -10,7 +10,7 @@ from imu_allan.result import AxisResult, Result, SensorVerdict
 SHORTEST_GOOD_S = 60.0
 """With less rest no term slower than N is visible."""
 FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
-          'zeroed': 'deadband', 'copied': 'copied_axis'}
+          'zeroed': 'deadband'}
 """Codes of findings by `AxisResult.fault`: a file may hold the fault without the finding."""
 
 
@@ -38,8 +38,8 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
     faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
     # Findings after which an axis has no numbers, or those of something else.
     no_sensor = frozenset({
-        'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
-        'unknown_rate', 'mostly_motion'})
+        'constant_axis', 'deadband', 'high_passed', 'saturated', 'stood_still', 'unknown_rate',
+        'mostly_motion'})
     broken = list(dict.fromkeys([*(code for code in act if code in no_sensor), *faults]))
     unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
     short = ['short_recording']

@@ -75,8 +75,6 @@ SAID = [
     of_all('constant_axis', 'value', [0.0, 0.0, 0.25], unit='rad/s'),
     finding('saturated', GYRO, share=0.5, value=9.81, unit='m/s^2', end='highest'),
     finding('deadband', GYRO, share=0.93, width=1e-4, unit='rad/s'),
-    finding('copied_axis', ALL[:2], opposite=True),
-    finding('copied_axis', ALL[:2], opposite=False),
     finding('high_passed', GYRO, corner_hz=0.031),
     finding('filtered', **RECORDING),
     finding('axis_not_finite', GYRO), finding('axis_not_finite', GYRO, no_column=True),

@@ -118,17 +118,19 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 
 def axis_results(finished: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
-                 fits: Sequence[AxisFit | None] | None = None
+                 fits: Sequence[AxisFit | None] | None = None, points: Octaves | None = None
                  ) -> list[tuple[AxisResult, list[Finding]]]:
     """
     Fit every axis of an estimator.
 
     `finished`: holds the samples, all processed. `quantities`: what each axis measures. `fits`: of
-    every axis, if they exist already, or do not come from the estimator alone. Returns: for each
-    axis its result and the findings worth reporting, which do not name the axis.
+    every axis, if they exist already, or do not come from the estimator alone. `points`: the
+    curves, if they do not. Returns: for each axis its result and the findings worth reporting,
+    which do not name the axis.
     """
     dt = 1.0 / sample_rate_hz
-    points, signals = octaves(finished), _signals(finished, dt)
+    points = octaves(finished) if points is None else points
+    signals = _signals(finished, dt)
     found = []
     fits = fit_axes(finished, dt) if fits is None else fits
     for axis, (quantity, fitted) in enumerate(zip(quantities, fits, strict=True)):
@@ -181,7 +183,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     parts = _stationarity(found, axis, dt, finished)
     if parts is not None and found.steadiness is not None:
         remarks += steadiness_findings(found.steadiness, parts.segments)
-    forecast = _forecast(fitted, dt, finished.samples)
+    forecast = _forecast(fitted, dt, int(points.count[0]) + 1)
     coefficients = {
         key: replace(_coefficient(key, quantity, estimate, *forecast.get(key, (None, None))),
                      between=fitted.between.get(key))
@@ -192,8 +194,10 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         coefficients |= {
             key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
             for key in SLOW_TERMS}
-    leaves_s = None if fitted.mean_moves or fitted.high_pass_hz else leaves_at(
-        points, axis, curve, [_model(found, drift), _model(found, None)], dt)
+    # The joint curve of several records also holds the trends of each.
+    leaves_s = None if (
+        fitted.mean_moves or fitted.high_pass_hz or found.record is None) else leaves_at(
+            points, axis, curve, [_model(found, drift), _model(found, None)], dt)
     if leaves_s is not None and fitted.acceptable:
         # The model does not follow the curve at long averaging times.
         remarks.append(finding('poor_fit', leaves_at_s=leaves_s))

@@ -17,17 +17,17 @@ from imu_allan.arrays import Array
 from imu_allan.characterization.accuracy_of_mean import mean_is_known
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
-from imu_allan.characterization.noise_findings import length_findings, tone_findings, with_start
+from imu_allan.characterization.noise_findings import length_findings, tone_findings
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
+from imu_allan.noise.allan_deviation import joined_octaves, octaves
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
-from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
 from imu_allan.result import (
@@ -35,11 +35,10 @@ from imu_allan.result import (
     RecordingPart,
     Result,
     Source,
-    Span,
-    Stationarity,
     Timeline,
     TurnOnBias,
 )
+from imu_allan.wording import spoken
 import numpy as np
 
 _CONTRADICTION = 1e-3
@@ -81,9 +80,7 @@ def joint_result(recordings: Sequence[Characterization],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
-    axes = {name: widened(widened(
-        replace(_with_faults(_with_spread(axis, name, parts), name, parts),
-                stationarity=_stationarity(name, parts)), *error), 0.0, max(
+    axes = {name: widened(widened(_with_spread(axis, name, parts), *error), 0.0, max(
         leaked_share(axis, part.record.group_of(name).estimator.interpolation.share, 1 / rate)
         for part in parts)) for name, (axis, _) in fitted.items()}
     remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
@@ -100,9 +97,8 @@ def joint_result(recordings: Sequence[Characterization],
          *(finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
                    sigma_high=found.ci95[1], unit=axes[name].unit)
            for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0),
-         *_of_each(parts, axes),
-         *with_start(remarks_of_axes, axes, min(
-             part.result.timeline.duration_s for part in parts)),
+         *_of_each(parts),
+         *remarks_of_axes,
          *tone_findings(axes, rate), *length_findings(axes, summary)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
@@ -135,39 +131,27 @@ def _agree(parts: Sequence[_Part]) -> None:
 
 def _axis_results(parts: Sequence[_Part], rate_hz: float
                   ) -> dict[str, tuple[AxisResult, list[Finding]]]:
-    """Fit every axis to the recordings in which it works, or to all if it works in none."""
-    found = {}
+    """Fit every axis to all recordings; one that works in none of them is that of the first."""
+    found: dict[str, tuple[AxisResult, list[Finding]]] = {}
     for name in parts[0].record.names:
-        working = [part for part in parts if part.result.axes[name].fault is None] or parts
-        fits = [fit for part in working if (fit := part.fits[name]) is not None]
-        [found[name]] = axis_results(
-            _merged([part.record.group_of(name).only(name) for part in working]), rate_hz,
-            [AXES[name]], [joint_fit(fits, 1 / rate_hz) if fits else None])
+        faulty = [part for part in parts if part.result.axes[name].fault is not None]
+        if faulty:
+            if len(faulty) < len(parts):
+                raise ImuAllanError(f'{faulty[0].path}: {spoken(name)} is '
+                                    f'{faulty[0].result.axes[name].fault}, but not in every '
+                                    'recording; leave this one out')
+            found[name] = replace(parts[0].result.axes[name], signal=None), []
+            continue
+        records = [part.record.group_of(name).only(name) for part in parts]
+        fits = [fit for part in parts if (fit := part.fits[name]) is not None]
+        [(axis, remarks)] = axis_results(
+            records[0], rate_hz, [AXES[name]], [joint_fit(fits, 1 / rate_hz) if fits else None],
+            joined_octaves([octaves(record) for record in records]))
+        mean = float(np.average([record.mean[0] for record in records],
+                                weights=[record.samples for record in records]))
+        # The signals of the recordings have no common time.
+        found[name] = replace(axis, mean=mean, signal=None), remarks
     return found
-
-
-def _merged(estimators: Sequence[Estimator]) -> Estimator:
-    """Merge estimators for the curve, without differences across the seams."""
-    merged = estimators[0].copy()
-    for estimator in estimators[1:]:
-        merged.merge(estimator)
-    return merged
-
-
-def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
-    """Enter the faults of an axis in any recording, even if the others give its numbers."""
-    if axis.constant:
-        return axis
-    for part in parts:
-        own = part.result.axes[name]
-        span = Span(0.0, part.result.timeline.duration_s) if own.constant else own.stood_still
-        if span is not None:
-            span = replace(span, start_s=part.start_s + span.start_s)
-        axis = replace(axis, stood_still=axis.stood_still or span,
-                       saturated=axis.saturated or own.saturated,
-                       deadband=axis.deadband or own.deadband,
-                       copy_of=axis.copy_of or own.copy_of)
-    return axis
 
 
 def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
@@ -181,31 +165,15 @@ def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
     return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion, **counts)
 
 
-def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
+def _of_each(parts: Sequence[_Part]) -> list[Finding]:
     """Return the findings of timeline and reader about single recordings."""
-    # An axis that is constant in all recordings is reported once.
-    constant = {name for name, axis in axes.items() if axis.constant}
     # Findings of the single fits are reported for the joint fit, if they apply to it.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'power_law',
-           'coarse_resolution', 'warm_up', 'slow_cycle', 'trend_or_walk', 'temperature',
-           'high_passed', 'tones')
+           'coarse_resolution', 'trend_or_walk', 'high_passed', 'tones')
     return [remark.with_values(recording=part.path) for part in parts
             for remark in part.result.warnings if remark.code not in own
-            and not (remark.code == 'constant_axis' and constant.issuperset(remark.axes))]
-
-
-def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
-    """Join the segments of all records end to end; steady means steady in each of them."""
-    found = [(part.start_s, own) for part in parts
-             if (own := part.result.axes[name].stationarity) is not None]
-    if not found:
-        return None
-    tests = [own.p_value for _, own in found if own.p_value is not None]
-    # The smallest probability of several tests, times their number (Bonferroni).
-    return Stationarity(
-        all(own.steady for _, own in found), min(1.0, len(tests) * min(tests)) if tests else None,
-        tuple(replace(segment, start_s=start_s + segment.start_s)
-              for start_s, own in found for segment in own.segments))
+            # An axis that is constant is so in all recordings.
+            and not (remark.code == 'constant_axis' and part is not parts[0])]
 
 
 # -------------------------------------------------------------- differences between the recordings
@@ -233,31 +201,16 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
         value = found.value
         if value is None or found.ci95 is None:
             continue
-        # The joint likelihood ignores how a coefficient changes within each record.
-        if variance := variance_within(name, key, parts):
-            found = widened_interval(found, variance=variance)
         _, values, errors = _shown(name, key, parts)
         if len(values) > 1:
             between = random_effects(values, errors).between
             q, free = q_statistic(values, errors), len(values) - 1
             if _survival(q, free) <= _CONTRADICTION:
                 # Birge ratio: at least as wide as the scatter of the recordings.
-                found = widened_interval(found, factor=sqrt(q / free))
+                found = widened_interval(found, sqrt(q / free))
             found = replace(found, between=value * between)
         coefficients[key] = found
     return replace(axis, coefficients=coefficients)
-
-
-def variance_within(name: str, key: str, parts: Sequence[_Part]) -> float:
-    """Return the relative variance of the mean of all records due to changes within them."""
-    whole = sum(part.result.timeline.duration_s for part in parts)
-    variance = 0.0
-    for part in parts:
-        own = part.result.axes[name].coefficients[key]
-        if own.value and own.between:
-            share = part.result.timeline.duration_s / whole
-            variance += (share * own.between / own.value)**2
-    return variance
 
 
 def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:

@@ -29,8 +29,7 @@ from imu_allan.characterization.power_ons import Mark, mark_of, spread_of_means
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
-from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
-from imu_allan.noise.record.census import SAME
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.terms import AXES
 from imu_allan.noise.uncertainty import bounded, leaked_share, widened
 from imu_allan.result import AxisResult, Result, Source
@@ -395,13 +394,7 @@ def _fitted_group(group: FinishedGroup, rate_hz: float
         if {'not_steady', *MEAN_MOVES}.isdisjoint(
                 {remark.code for remark in remarks} - {'trend_or_walk'}):
             steady[name] = axes[name]
-    found = []
-    for one, other, sign in copies(finished):
-        first, second = names[one], names[other]
-        found.append(finding('copied_axis', (first, second), opposite=sign != SAME))
-        for name, of in ((first, second), (second, first)):
-            axes[name] = replace(axes[name], copy_of=of if sign == SAME else f'-{of}')
-    found += own
+    found = own
     for name, remark in drift_of_halves_findings(steady).items():
         found.append(remark.of(name))
         # The intervals are kept: what differs is drift over a filter's horizon, which no single

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
-from imu_allan.errors import brief
 from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
@@ -61,9 +60,6 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.deadband is not None:
         return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
                 'exactly 0, noise is higher than it seems')
-    if axis.copy_of is not None:
-        return ('the axis is a copy: every sample is that of '
-                f'{brief(axis.copy_of)}')
     # Fewer than 1 in 200 samples then differs, so a thousand in a row may be equal.
     if (ratio := _steps_of_noise(axis)) > 15.0:
         return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '

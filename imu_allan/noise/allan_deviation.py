@@ -14,7 +14,7 @@ Instrum. Meas. 40 (1991). W. J. Riley, "Handbook of Frequency Stability Analysis
 
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import gcd
@@ -108,6 +108,20 @@ def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
         found += d.shape[1]
         sums += np.einsum('ij,ij->i', d, d)
     return found, sums
+
+
+def joined_octaves(records: Sequence[Octaves]) -> Octaves:
+    """Return the Allan variance over several records, without differences across their seams."""
+    sizes = np.unique(np.concatenate([one.size for one in records]))
+    strides, counts, avars = [], [], []
+    for size in sizes:
+        known = [(one, at) for one in records for at in np.flatnonzero(one.size == size)]
+        span = np.array([int(one.count[at] * one.stride[at]) for one, at in known])
+        strides.append(max(int(one.stride[at]) for one, at in known))
+        counts.append(max(int(span.sum()) // strides[-1], 1))
+        avars.append(np.average([one.avar[at] for one, at in known], axis=0, weights=span))
+    return Octaves(sizes, np.array(strides, np.int64), np.array(counts, np.int64),
+                   np.array(avars).reshape(len(sizes), -1))
 
 
 def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,

@@ -60,6 +60,7 @@ class AxisFit:
     record: RecordSpectrum | None = None
     # Returns the spectra of quarters of the record; an empty list if they are too short
     parts: Callable[[], list[Groups]] | None = None
+    change: Change = STEADY    # of the white noise within the record
 
 
 def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | None = None
@@ -130,8 +131,8 @@ def _weighed(sources: Sequence['_Source'], dt: float, bank: Bank) -> list[Poster
 def _fitted(source: '_Source', posterior: Posterior, dt: float,
             temperature: TemperatureSeries | None) -> AxisFit:
     """Report one axis; withdraw a random walk that its quarters do not confirm."""
-    report = reported(replace(posterior, change=_change(posterior, source, dt)), dt, temperature,
-                      source.record)
+    change = _change(posterior, source, dt)
+    report = reported(replace(posterior, change=change), dt, temperature, source.record)
     if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
             and not random_walk_persists(posterior, [[part] for part in parts], dt):
         report = report.without_random_walk()
@@ -140,19 +141,7 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
     beside = source.record.with_trends(posterior.trends(source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
-                   beside, source.parts)
-
-
-def copies(finished: Estimator) -> list[tuple[int, int, int]]:
-    """
-    Find pairs of axes with the same samples, or with samples of opposite sign.
-
-    Returns: the indices of two axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``.
-    Axes that are constant, or whose steps hide the noise, are left out: they may agree by chance.
-    """
-    coarse = steps_hide_noise(finished)
-    return [] if finished.samples < SHORTEST_RECORD else [
-        pair for pair in finished.census.copies() if not coarse[pair[0]]]
+                   beside, source.parts, change)
 
 
 @dataclass(frozen=True)

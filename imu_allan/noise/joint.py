@@ -21,8 +21,7 @@ from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
-from imu_allan.result import TemperatureDependence, Tone, Trend
-import numpy as np
+from imu_allan.result import Tone
 
 
 def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
@@ -39,7 +38,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     Returns
     -------
     AxisFit
-        There is no joint ramp or step. The most precise warm-up represents all.
+        There are no joint trends: those of the mean belong to single records.
 
     Examples
     --------
@@ -58,14 +57,15 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     """
     groups = joined_groups([one.record.groups() for one in records if one.record is not None])
     [posterior] = posteriors([groups], dt, [None])
-    report = reported(posterior, dt)
+    # Noise that changes within a record is as uncertain over all of them.
+    change = max((one.change for one in records), key=lambda one: one.typical)
+    report = reported(replace(posterior, change=change), dt)
     if report.estimates['rate_random_walk'].observable and not _shows_in_parts(
             posterior, records, dt):
         report = report.without_random_walk()
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = report.behind_high_pass(max(corners_hz))
-    report = replace(report, trend=_trend([one.fit.trend for one in records]))
     return AxisFit(report, _lines(records), groups,
                    joined_groups([one.whole for one in records]))
 
@@ -77,36 +77,6 @@ def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float)
     if len(quarters) == len(records):
         splits.append([list(same) for same in zip(*quarters, strict=True)])
     return all(random_walk_persists(posterior, split, dt) for split in splits)
-
-
-def _trend(trends: Sequence[Trend]) -> Trend:
-    """Combine those trends of the records that are properties of the sensor."""
-    warm = min((one for one in trends if one.warm_up is not None), key=_error_of_warm_up,
-               default=Trend())
-    cycles = [one.cycle_s for one in trends if one.cycle_s is not None]
-    heat = [one.temperature for one in trends if one.temperature is not None]
-    return Trend(warm_up=warm.warm_up, second_warm_up=warm.second_warm_up,
-                 temperature=_mean_dependence(heat) if heat else None,
-                 cycle_s=float(np.median(cycles)) if cycles else None)
-
-
-def _error_of_warm_up(trend: Trend) -> float:
-    """Return the relative width of the interval of the amplitude."""
-    assert trend.warm_up is not None
-    low, high = trend.warm_up.ci95
-    return abs((high - low) / (trend.warm_up.amplitude or 1e-300))
-
-
-def _mean_dependence(known: Sequence[TemperatureDependence]) -> TemperatureDependence:
-    """Return the mean dependence on temperature, weighted by precision."""
-    half = np.array([(one.ci95[1] - one.ci95[0]) / 2 for one in known])
-    weight = half**-2.0
-    slope = float(np.average([one.per_kelvin for one in known], weights=weight))
-    error = float(weight.sum()**-0.5)
-    best = known[int(np.argmax(weight))]
-    return replace(best, per_kelvin=slope, ci95=(slope - error, slope + error),
-                   lowest_c=min(one.lowest_c for one in known),
-                   highest_c=max(one.highest_c for one in known))
 
 
 def _lines(records: Sequence[AxisFit]) -> list[Tone]:

@@ -10,11 +10,9 @@ density. Recordings of one axis may scatter more than their intervals allow.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import exp, inf, log, sqrt
 
 from imu_allan.arrays import Array
 from imu_allan.noise.allan_deviation import interval, Octaves
-from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.posterior.shapes import taken_by_mean
 from imu_allan.noise.terms import SLOW_TERMS, TERMS
@@ -117,15 +115,9 @@ def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedM
     return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 
-def widened_interval(found: Coefficient, factor: float = 1.0, variance: float = 0.0
-                     ) -> Coefficient:
-    """Widen an interval on a log scale, by `factor` or by `variance` if that is not zero."""
+def widened_interval(found: Coefficient, factor: float) -> Coefficient:
+    """Widen an interval by a factor on a log scale; a lower end at 0 stays at 0."""
     assert found.value is not None
     assert found.ci95 is not None
-    ends = []
-    for sign, bound in zip((-1, 1), found.ci95, strict=True):
-        # A lower end at 0 stays at 0.
-        far = abs(log(bound / found.value)) if bound > 0 else inf
-        far = sqrt(far**2 + NORMAL95**2 * variance) if variance else factor * far
-        ends.append(found.value * exp(sign * far))
-    return replace(found, ci95=(ends[0], ends[1]))
+    low, high = ((bound / found.value)**factor * found.value for bound in found.ci95)
+    return replace(found, ci95=(low, high))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from characterized import covers, messages, N, said, streamed, unbiased
 from imu_allan.characterization.joint import joint_result
-from imu_allan.datasheet import check
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
@@ -94,26 +93,26 @@ def die(rows):
     rows[SAMPLES // 4:, 0] = rows[0, 0]
 
 
-@pytest.mark.parametrize(('change', 'fault', 'code'), [
-    (cut_off, 'saturated', 'saturated'), (die, 'dead', 'stood_still')])
-def test_an_axis_at_fault_in_one_recording_has_the_numbers_of_the_others(change, fault, code):
-    good = recorded('good', 1, gyro_alone=True)
-    bad = recorded('bad', 2, change, gyro_alone=True)
-    found = joint_result([bad, good])
-    axis, alone = found.axes['gyro_x'], good.result().axes['gyro_x']
-    assert axis.fault == fault
-    assert axis.mean == pytest.approx(alone.mean)
-    assert axis.curve.adev[0] == pytest.approx(alone.curve.adev[0])
-    assert axis.coefficients[N].value == pytest.approx(alone.coefficients[N].value, rel=1e-3)
-    assert found.axes['gyro_y'].fault is None
-    assert [(one.values['recording'], one.axes) for one in said(found, code)] == [
-        ('bad', ('gyro_x',))]
-    # Its mean is none of a power-on.
-    assert 'gyro_x' not in found.turn_on_bias
-    assert 'gyro_y' in found.turn_on_bias
-    verdicts = check(found, parse_model('gyro: {x: {noise_density: 0.02 deg/s/sqrt(Hz)}, '
-                                        'y: {noise_density: 0.02 deg/s/sqrt(Hz)}}'))
-    assert {one.axis for one in verdicts if one.verdict == 'fail'} == {'gyro_x'}
+def still(rows):
+    rows[:, 0] = 0.0
+
+
+@pytest.mark.parametrize(('change', 'fault'), [
+    (cut_off, 'saturated'), (die, 'dead'), (still, 'constant')])
+def test_an_axis_at_fault_in_one_recording_is_refused(change, fault):
+    with refused(f'bad: gyro x is {fault}, but not in every recording; leave this one out'):
+        joint_result([recorded('good', 1, gyro_alone=True),
+                      recorded('bad', 2, change, gyro_alone=True)])
+
+
+def test_an_axis_at_fault_in_all_recordings_has_no_numbers():
+    found = joint_result([recorded(path, seed, still, gyro_alone=True)
+                          for path, seed in (('one', 1), ('other', 2))])
+    assert [one.axes for one in said(found, 'constant_axis')] == [('gyro_x',)]
+    assert found.axes['gyro_x'].constant
+    assert not any(one.observable for one in found.axes['gyro_x'].coefficients.values())
+    assert found.axes['gyro_y'].coefficients[N].observable
+    assert list(found.turn_on_bias) == ['gyro_y']
 
 
 def smooth(rows):

@@ -1,11 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Axes that give small values as zero, are cut off or are copies, and noise that is not."""
+"""Axes that give small values as zero or are cut off, and noise that is not."""
 
-from characterized import joint_fits, one_axis, shown
-from imu_allan.noise.axis_fit import copies, fit_axes
+from characterized import shown
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.faults import clipping, deadband
-from imu_allan.noise.record.census import OPPOSITE, SAME
 import numpy as np
 import pytest
 
@@ -119,28 +118,6 @@ def test_noise_clipped_at_two_and_a_half_sigma_is_reported():
     assert all(clipping(finished, axis) is not None for axis in range(48))
 
 
-def test_an_axis_at_fault_has_no_fit_and_is_left_out_of_a_joint_one():
+def test_an_axis_at_fault_has_no_fit():
     three = np.stack((WHITE, without_small(WHITE, 1.0), np.minimum(WHITE, 1.0)), axis=1)
     assert [fit is None for fit in fit_axes(shown(three), 0.01)] == [False, True, True]
-    good, bad = shown(WHITE[:9000]), shown(np.minimum(WHITE[9000:18_000], 1.0))
-    alone, beside = (one_axis(good, 100, joint_fits(records, 0.01))[0]
-                     for records in ([good], [good, bad]))
-    assert alone.coefficients == beside.coefficients
-
-
-def test_axes_that_repeat_another_are_found_whatever_the_sign():
-    four = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
-    rows = four.copy()
-    rows[:, 2], rows[:, 3] = rows[:, 0], -rows[:, 1]
-    assert copies(shown(rows)) == [(0, 2, SAME), (1, 3, OPPOSITE)]
-    for other in (four, np.round(four), np.round(four, 1)):
-        assert copies(shown(other)) == []
-    # In several records and some of the axes, too.
-    merged = shown(rows[:9001])
-    merged.merge(shown(rows[9001:]))
-    assert copies(merged) == [(0, 2, SAME), (1, 3, OPPOSITE)]
-    assert merged.select([2, 3]).census.copies() == []
-    assert merged.select([3, 1]).census.copies() == [(1, 0, OPPOSITE)]
-    assert merged.select([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
-    merged.merge(shown(four))
-    assert copies(merged) == []

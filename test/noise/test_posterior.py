@@ -4,7 +4,7 @@
 
 from collections import defaultdict
 
-from characterized import B, covers, joint_fits, K, N, shown, together
+from characterized import B, joint_fits, K, N, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior import search
@@ -230,10 +230,6 @@ def test_a_warm_up_in_every_record_is_no_random_walk():
         simulate({N: 1e-3, B: 3e-4}, len(time), 20.0, 40 + part)
         + (-1)**part * 3e-3 * np.exp(-time / 400) for part in range(4)], 20.0)
     assert not found.coefficients[K].observable
-    warm = found.trend.warm_up
-    assert found.trend.second_warm_up is None
-    assert covers(warm.time_constant_ci95, 400)
-    assert covers(sorted(map(abs, warm.ci95)), 3e-3)
 
 
 @pytest.mark.slow

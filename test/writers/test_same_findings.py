@@ -71,7 +71,6 @@ FAULTS = {
     'warming': (samples(ALL, GYRO, lambda x: x + 2e-2 * np.exp(-NUMBER / 3000)), 'warm_up'),
     'with a tone': (samples(ALL, [4], lambda x: x + 0.02 * np.sin(
         2 * np.pi * 17.3 / RATE_HZ * NUMBER)), 'tones'),
-    'copied': (samples(ALL, [0, 1], lambda x: x[:, [0, 0]]), 'copied_axis'),
     'stood still': (samples(slice(5000, 9000), 3, lambda x: x[0]), 'stood_still'),
     'coarse': (samples(ALL, ACCEL, lambda x: np.round(x / 0.05) * 0.05), 'coarse_resolution'),
     'smoothed': (samples(slice(3, None), ALL, lambda x: lfilter([0.25] * 4, 1, x, axis=0)),
@@ -87,7 +86,7 @@ FAULTS = {
 SEVERAL = ('stepped', 'louder', 'in g', 'coarse', 'with a tone')
 AT_ONCE = (
     (), ('constant', 'saturated', 'deadband', 'coarse'),
-    ('copied', 'stood still', 'never a number'), ('in g', 'with outliers', 'jumped'),
+    ('stood still', 'never a number'), ('in g', 'with outliers', 'jumped'),
     ('raw counts', 'lossy'), ('smoothed', 'replayed'), ('slower later', 'with a tone'),
     ('warming', 'moved'), ('driven', 'absent for a while'), SEVERAL)
 """Faults that leave each other to be found, for one record."""

@@ -5,21 +5,17 @@ Statistics of sample values in constant memory, to detect axes that do not measu
 
 They count the samples at the lowest and at the highest value, and those that are zero. If there
 are many zeros, the magnitudes of the others are counted in logarithmic bins. The smallest step of
-the output and pairs of axes with equal samples are kept as well.
+the output is kept as well.
 """
 
 from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.record.multi_axis import AXES, begun, MultiAxis, numbers
+from imu_allan.noise.record.multi_axis import AXES, MultiAxis, numbers
 import numpy as np
-from numpy.typing import NDArray
 
 Counts = Ints
 
-SAME, OPPOSITE = 1, -1     # sign of one axis relative to the other
-_KINDS = {SAME: 1, OPPOSITE: 2}
-"""Bits of both kinds in the flags of a pair."""
 _ROUNDING = 1e-12
 """Tolerance for equal values, also about different references: relative, or absolute below 1."""
 BINS_PER_OCTAVE = 8
@@ -49,9 +45,6 @@ class Census(MultiAxis):
     # (axes, bins): number of samples by magnitude, see `lower_edge`, up to an octave beyond
     # the end of the gap around zero and to a magnitude of 1e7
     sizes: Counts = field(init=False, metadata=numbers(AXES, 64 * BINS_PER_OCTAVE, dtype=np.int64))
-    # (axes, axes): flags of pairs whose samples have all been equal so far
-    equal_pairs: NDArray[np.int8] = field(init=False, metadata=begun(
-        lambda axes: np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1), 0, 1))
 
     def count(self, rows: Array, reference: Array) -> None:
         """
@@ -62,11 +55,6 @@ class Census(MultiAxis):
         """
         self._count_ends(rows)
         self._count_near_zero(rows, -reference)
-        # Except for broken sensors, no pair is left after a few samples.
-        for one, other, sign in self.copies():
-            if not (reference[one] == sign * reference[other]
-                    and np.array_equal(rows[one], sign * rows[other])):
-                self.equal_pairs[one, other] &= ~_KINDS[sign]
         # That many samples show the step of a coarse output; more would take a tenth of the time.
         if self.samples < 65_536:
             np.minimum(self.step, _step_of(rows), out=self.step)
@@ -110,26 +98,6 @@ class Census(MultiAxis):
             places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
             sizes += np.bincount(np.clip(places, 0, len(sizes) - 1).astype(np.intp),
                                  minlength=len(sizes))
-
-    def copies(self) -> list[tuple[int, int, int]]:
-        """Return the pairs of axes with equal samples, as two indices and their relative sign."""
-        return [(int(one), int(other), sign) for one, other in np.argwhere(self.equal_pairs)
-                for sign, bit in _KINDS.items() if self.equal_pairs[one, other] & bit]
-
-    def merge(self, other: 'Census', shift: Array) -> None:
-        """Add the samples of another record, shifted by `shift` to the reference of this one."""
-        for end, mine, theirs, sign in ((0, self.lowest, other.lowest + shift, -1.0),
-                                        (1, self.highest, other.highest + shift, 1.0)):
-            ahead = sign * (theirs - mine)
-            same = np.abs(ahead) <= _ROUNDING * np.maximum(1, np.abs(theirs))
-            self.at_ends[end] = np.where(same, self.at_ends[end] + other.at_ends[end], np.where(
-                ahead > 0, other.at_ends[end], self.at_ends[end]))
-            mine[:] = np.where(ahead > 0, theirs, mine)
-        self.step = np.minimum(self.step, other.step)
-        self.zeros += other.zeros
-        self.sizes += other.sizes
-        self.equal_pairs &= other.equal_pairs
-        self.samples += other.samples
 
 
 def _step_of(rows: Array) -> Array:

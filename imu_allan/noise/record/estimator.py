@@ -205,37 +205,6 @@ class Estimator(MultiAxis):
         total = series.sums.sum(axis=1) + self.chunk.sum(axis=1)
         return np.asarray(self.reference + total / (series.counts.sum() + self.chunk.shape[1]))
 
-    def merge(self, other: 'Estimator') -> None:
-        """
-        Add another record of the same axes; no difference is taken across the seam.
-
-        Raises
-        ------
-        ValueError
-            If the number of axes differs.
-
-        """
-        if other.axes != self.axes:
-            raise ValueError(f'cannot merge {other.axes} axes into {self.axes}')
-        theirs = other.finished()
-        if theirs.reference is None:
-            return
-        self.start_run()
-        self.periodogram.finish()
-        if self.reference is None:
-            self.reference = theirs.reference
-        # Each record has its samples relative to its own reference.
-        shift = theirs.reference - self.reference
-        self.signal.merge(theirs.signal, shift)
-        theirs.periodogram.shift_cells(shift[:, None])
-        self.periodogram.merge(theirs.periodogram, self.run)
-        self.pyramid.merge(theirs.pyramid)
-        self.interpolation_sums.merge(theirs.interpolation_sums)
-        self.census.merge(theirs.census, shift)
-        self.samples += theirs.samples
-        self.interpolated += theirs.interpolated
-        self.run += theirs.run + 1
-
     def _absorb(self) -> None:
         """Process the samples in the chunk."""
         rows, own = self.chunk, self._without_interpolated()

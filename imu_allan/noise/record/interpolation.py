@@ -72,11 +72,6 @@ class InterpolationSums(Record):
         if len(interpolated):
             self.shared += shared_noise(np.asarray(interpolated), samples)
 
-    def merge(self, other: 'InterpolationSums') -> None:
-        """Add the sums of another record."""
-        self.shared += other.shared
-        self.pairs += other.pairs
-
     def interpolation(self, share: float) -> Interpolation:
         """Return the mean over all pairs, for a record with this share of interpolated samples."""
         if not share:

@@ -159,11 +159,6 @@ class Stage(MultiAxis):
                 self.waiting = joined(segment.take(slice(whole, None)), self.waiting)
             self.add(segment.means[:, :whole], (size / segment.counts)[:whole])
 
-    def merge(self, other: 'Stage') -> None:
-        """Add the sums of another finished record."""
-        for length, theirs in other.sums.items():
-            self._put(length, theirs.power, theirs.blocks, theirs.excess)
-
 
 @dataclass(eq=False)
 class Periodogram(MultiAxis):
@@ -242,20 +237,6 @@ class Periodogram(MultiAxis):
         """Add values to all samples of the cells of the series; `values`, shape (axes, cells)."""
         series = self.series
         self.series = replace(series, sums=series.sums + values * series.counts)
-
-    def merge(self, other: 'Periodogram', runs: int) -> None:
-        """Add another finished record, with its runs numbered from `runs` on."""
-        self.segments.merge(other.segments)
-        self.stages += [Stage(self.axes) for _ in other.stages[len(self.stages):]]
-        for mine, theirs in zip(self.stages, other.stages, strict=False):
-            mine.merge(theirs)
-        cell = max(self.cell, other.cell)
-        before, after = (coarser(one.series, cell // one.cell)
-                         for one in (self, other))
-        self.series = joined(before, replace(after, keys=after.keys + (runs << RUN_SHIFT)))
-        self.cell = cell
-        self._bound_series()
-        self.samples += other.samples
 
 
 def whole_sections(cells: Cells, size: int, top: float) -> list[SpectrumSection]:

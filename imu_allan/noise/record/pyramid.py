@@ -95,14 +95,6 @@ class Pyramid(MultiAxis):
         self.sums = np.concatenate((self.sums, np.zeros((more, self.axes))))
         self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
 
-    def merge(self, other: 'Pyramid') -> None:
-        """Add the sums of another record of the same axes."""
-        self._grow(len(other.tails))
-        octaves = len(other.counts)
-        self.sums[:octaves] += other.sums
-        self.counts[:octaves] += other.counts
-        self.start_segment()
-
 
 def _square_sums(rows: Array) -> Array:
     """Return the sum of squares of each row, shape (axes,), four times as fast as einsum."""

@@ -116,19 +116,3 @@ class Segments(EqualParts):
         part = power[:, place.first:place.last]
         self.power[:, at, place.bands] += np.add.reduceat(part, place.starts, axis=1)
         self.dof[at, place.bands] += count * place.counts
-
-    def merge(self, other: 'Segments') -> None:
-        """Append the segments of another record."""
-        theirs = other.copy()
-        while self.width < theirs.width or self.samples + theirs.samples > SEGMENTS * self.width:
-            self.widen()
-        while theirs.width < self.width:
-            theirs.widen()
-        for number in range(theirs.used):
-            # The first record may end within a segment. So assign each further segment by its
-            # middle, which keeps the number of samples before a segment as in the series.
-            middle = min((number + 0.5) * self.width, theirs.samples - 1)
-            at = int(self.samples + middle) // self.width
-            self.power[:, at] += theirs.power[:, number]
-            self.dof[at] += theirs.dof[number]
-        self.samples += theirs.samples

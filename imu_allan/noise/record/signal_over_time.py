@@ -118,24 +118,3 @@ class Signal(EqualParts):
         mean = self.sums[:, :used] / np.where(empty, 1, counts)
         mean[:, empty] = np.nan
         return Columns(self.width, counts.copy(), low, mean, high)
-
-    def merge(self, other: 'Signal', shift: Array) -> None:
-        """
-        Append the columns of another record.
-
-        `other`: of the same axes. It begins at the next whole column. `shift`, shape (axes,):
-        added to its values.
-        """
-        theirs = other.copy()
-        while self.width < theirs.width or -(-self.place // self.width) + -(
-                -theirs.place // self.width) > COLUMNS:
-            self.widen()
-        while theirs.width < self.width:
-            theirs.widen()
-        begin, count = -(-self.place // self.width), -(-theirs.place // theirs.width)
-        there = slice(begin, begin + count)
-        self.counts[there] = theirs.counts[:count]
-        self.sums[:, there] = theirs.sums[:, :count] + shift[:, None] * theirs.counts[:count]
-        self.low[:, there] = theirs.low[:, :count] + shift[:, None]
-        self.high[:, there] = theirs.high[:, :count] + shift[:, None]
-        self.place = begin * self.width + theirs.place

@@ -85,34 +85,6 @@ def test_a_constant_changes_only_the_mean_and_reversed_time_not_even_a_short_cur
     np.testing.assert_allclose(reversed_, short, rtol=1e-9)
 
 
-def test_merged_records_and_what_follows_stay_apart():
-    first, *rest, last = records = [simulate(SENSOR, samples, 100, seed) for seed, samples in
-                                    enumerate((600, 600, 40_000, 600, 50_000))]
-    together, merged = Estimator(), taken_in(first)
-    for part in records:
-        together.start_run()
-        together.update(part)
-    second = taken_in(rest[0])
-    second.start_run()
-    second.update(rest[1])
-    for other in (Estimator(), second, taken_in(rest[2])):
-        merged.merge(other)
-    merged.update(last)
-    from_nothing = Estimator()
-    from_nothing.merge(merged)
-    b = together.finished()
-    for a in (merged.finished(), from_nothing.finished()):
-        assert a.samples == b.samples == a.periodogram.samples == 91_800
-        np.testing.assert_allclose(a.periodogram.series.sums + a.reference[:, None],
-                                   b.periodogram.series.sums + b.reference[:, None])
-        for one, other in zip(a.periodogram.sections(), b.periodogram.sections(), strict=True):
-            assert one.blocks == other.blocks
-            np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
-        np.testing.assert_array_equal(octaves(a).count, octaves(b).count)
-        np.testing.assert_allclose(octaves(a).avar, octaves(b).avar, rtol=1e-9)
-    assert merged.mean[0] == pytest.approx(np.concatenate(records).mean())
-
-
 def test_memory_does_not_grow_with_the_record():
     rng, estimator, sizes = np.random.default_rng(0), Estimator(6), []
     for _ in range(120):
