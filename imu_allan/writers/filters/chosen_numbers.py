@@ -93,8 +93,6 @@ class Number:
         Whether it is an upper bound.
     interval : (float, float) or None
         95 % interval, if it was measured.
-    by_curve : bool
-        Whether the bound comes from the measured Allan deviation, being below that of the fit.
     of_flicker : bool
         Whether it describes a process that approximates flicker, as none was measured.
 
@@ -103,14 +101,12 @@ class Number:
     value: float
     bound: bool = False
     interval: Interval | None = None
-    by_curve: bool = False
     of_flicker: bool = False
 
     def measured(self, scale: Scale = UNSCALED) -> str:
         """Return the measured value as text, scaled as in the file."""
         if self.bound:
-            by = ' by its Allan deviation' if self.by_curve else ''
-            return f'not observable, below {scale(self.value):.4g}{by}'
+            return f'not observable, below {scale(self.value):.4g}'
         ends = '' if self.interval is None else (
             f' ({scale(max(self.interval[0], 0.0)):.4g} to {scale(self.interval[1]):.4g})')
         return (f'measured {scale(self.value):.4g}{ends}'
@@ -143,9 +139,8 @@ class Numbers:
         self.tunings: dict[str, FilterTuning] = {}
         if not options.as_measured and self.aiding_s is not None:
             self._tune(self.aiding_s)
-        self.coefficients = {axis: _measured(found, consumer.bias)
+        self.coefficients = {axis: _measured(found, consumer.bias, self.coast_s)
                              for axis, found in result.axes.items()}
-        self.k_of_flicker = False
         if (self.of_datasheet and consumer.bias == 'random_walk' and self.aiding_s is not None
                 and not options.as_measured):
             self._let_the_bias_follow_flicker()
@@ -181,8 +176,8 @@ class Numbers:
         known = self.known(sensor, key)
         if not known:
             return None
-        by = self.known(sensor, 'sigma') if key in ('K', 'Tc') else known
-        name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
+        by = (self.known(sensor, 'sigma') if key in ('K', 'Tc') else None) or known
+        name = max(by, key=lambda axis: by[axis].value)
         return name, known[name]
 
     def measured(self, name: str, key: Key, scale: Scale = UNSCALED) -> str:
@@ -190,7 +185,7 @@ class Numbers:
         found = self.coefficients[name].get(key)
         if found is None:
             return 'not measured'
-        if self.of_datasheet and found.of_flicker and key == 'K' and found.interval is None:
+        if self.of_datasheet and found.of_flicker:
             return f'from B {scale(found.value):.4g}'
         said = found.measured(scale)
         return said if not self.of_datasheet else said.replace('measured', 'datasheet')
@@ -250,7 +245,6 @@ class Numbers:
             if flicker and 'N' in numbers and 'K' not in numbers:
                 numbers['K'] = Number(FLICKER_FLOOR * flicker * sqrt(3 / self.coast_s),
                                       of_flicker=True)
-                self.k_of_flicker = True
 
     def _agree_on_a_time(self) -> None:
         """Give all axes the correlation time of the gyroscope axis with the largest drift."""
@@ -282,7 +276,7 @@ def _of_process(sigma: Number, time: Number) -> dict[Key, Number]:
             'K': replace(sigma, value=sigma.value * sqrt(2 / time.value), interval=None)}
 
 
-def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
+def _measured(axis: AxisResult, bias: Bias, coast_s: float) -> dict[Key, Number]:
     """Return measured coefficients or their bounds; empty for an axis without a noise density."""
     found: dict[Key, Number] = {}
     keys: dict[Key, str] = {'N': 'noise_density', 'K': 'rate_random_walk'}
@@ -291,15 +285,15 @@ def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
         if coefficient.observable and coefficient.value:
             found[key] = Number(coefficient.value, False, coefficient.ci95)
         elif not coefficient.observable and (bound := upper_bound(axis, name)):
-            found[key] = Number(bound, True, by_curve=bound < (coefficient.upper95 or 0.0))
+            found[key] = Number(bound, True)
     if 'N' not in found:
         return {}
-    if bias == 'gauss_markov' and (process := _process(axis))[0].value:
+    if bias == 'gauss_markov' and (process := _process(axis, coast_s)) is not None:
         found |= _of_process(*process)
     return found
 
 
-def _process(axis: AxisResult) -> tuple[Number, Number]:
+def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
     """Return sigma and correlation time of the process, or of one that approximates flicker."""
     if (process := axis.gauss_markov) is not None:
         return (Number(process.sigma, interval=process.sigma_ci95),
@@ -307,12 +301,13 @@ def _process(axis: AxisResult) -> tuple[Number, Number]:
     flat = axis.coefficients['bias_instability']
     level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
     curve = axis.curve
-    if not level or not curve.tau_s:
-        # Filters reject a correlation time of zero, even for a process of zero size.
-        return Number(0.0), Number(100.0)
+    if not level:
+        return None
     above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
-    peak = sqrt(above[0] * above[-1]) if above else curve.tau_s[-1]
+    # A datasheet has no curve, and the process is as large as the flicker after the unaided time.
+    peak = (sqrt(above[0] * above[-1]) if above else
+            curve.tau_s[-1] if curve.tau_s else coast_s)
     # Farrell et al., IEEE Control Systems 42(6), 2022: sigma is 1.08 B, and the Allan deviation of
     # a process peaks at 1.89 correlation times.
     ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])

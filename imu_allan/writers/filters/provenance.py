@@ -18,8 +18,10 @@ def provenance(numbers: Numbers) -> list[str]:
     if numbers.of_datasheet:
         lines += [f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
                   'sensors as mounted are often worse.']
-        if numbers.k_of_flicker:
-            lines += ['It has no K: filter K is as large as the flicker, 0.664 B, after '
+        if any(one.of_flicker for own in numbers.coefficients.values() for one in own.values()):
+            what = ('It has no K: filter K' if numbers.consumer.bias == 'random_walk' else
+                    'It has no sigma and Tc: a process of sigma 1.08 B')
+            lines += [f'{what} is as large as the flicker, 0.664 B, after '
                       f'{duration(numbers.coast_s)} unaided.']
         lines += _inflated(numbers)
     else:

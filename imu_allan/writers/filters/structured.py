@@ -103,20 +103,15 @@ def gazebo(numbers: Numbers) -> str:
     for sensor, tag in tags.items():
         lines.append(f'  <{tag}>')
         for name in numbers.axes(sensor):
-            own = {key: number.value for key, number in numbers.of_axis[name].items()}
-            if 'N' not in own:
-                continue
-            n = numbers.measured(name, 'N', times(sqrt(f)))
-            k, time = numbers.measured(name, 'K'), numbers.measured(name, 'Tc')
-            lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
-                      f'      <!-- N sqrt(f) {n} -->',
-                      f'      <stddev>{real(own["N"] * sqrt(f))}</stddev>']
-            if 'Tc' in own:
-                lines += [f'      <!-- K {k}; Tc {time} -->', '      <dynamic_bias_stddev>'
-                          f'{real(own["K"])}</dynamic_bias_stddev>',
-                          '      <dynamic_bias_correlation_time>'
-                          f'{real(own["Tc"])}</dynamic_bias_correlation_time>']
-            lines.append(f'    </noise></{name[-1]}>')
+            noise = expanded(numbers, f"""    <{name[-1]}><noise type="gaussian">
+      <mean>0</mean>
+      <stddev>{{{name} N sqrt(f)}}</stddev>""")
+            bias = expanded(numbers, f"""\
+      <dynamic_bias_stddev>{{{name} K}}</dynamic_bias_stddev>
+      <dynamic_bias_correlation_time>{{{name} Tc}}</dynamic_bias_correlation_time>""")
+            if noise is not None:
+                lines += [noise, bias or f'      <!-- dynamic_bias: {numbers.no_value} -->',
+                          f'    </noise></{name[-1]}>']
         lines.append(f'  </{tag}>')
     return joined([*lines, '</imu>'])
 

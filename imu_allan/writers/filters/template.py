@@ -66,7 +66,8 @@ def _paragraphs(name: str) -> list[str]:
 
 def expanded(numbers: Numbers, paragraph: str) -> str | None:
     """Return lines of a template with the fields filled in; None if one is unknown."""
-    comments = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''), 'xml': ('<!-- ', ' -->')}
+    comments = {'m': ('% ', ''), 'json': ('// ', ''), 'info': ('; ', ''),
+                'xml': ('<!-- ', ' -->'), 'sdf': ('<!-- ', ' -->')}
     before, after = comments.get(numbers.consumer.file.rpartition('.')[2], ('# ', ''))
     lines, last = [], ''
     for line in paragraph.split('\n'):
@@ -129,8 +130,8 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
     key = cast('Key', field['key'])
     scale, unit = _scale(numbers, sensor, key, field)
     largest = numbers.worst(sensor, key)
-    tuned = numbers.tunings or (key == 'K' and numbers.k_of_flicker and largest is not None
-                                and largest[1].of_flicker)
+    tuned = numbers.tunings or (
+        numbers.of_datasheet and largest is not None and largest[1].of_flicker)
     what = f'{"filter " if tuned else ""}{key}{field["scaling"]}'
     words = ('angle', 'gyro') if sensor == 'gyro' else ('velocity', 'accelerometer')
     terms: dict[str, str] = {
@@ -189,9 +190,8 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
         return None, []
     name, chosen = found
     if chosen.bound:
-        bound = ('the most that its Allan deviation allows' if chosen.by_curve
-                 else 'its 95 % upper bound')
-        first = f'NOT OBSERVABLE on {name} in this recording: {bound}, the true value is smaller'
+        first = (f'NOT OBSERVABLE on {name} in this recording: its 95 % upper bound, the true '
+                 'value is smaller')
     else:
         first = f'{name}, the worst axis; {numbers.measured(name, key, scale)}'
     others = [f'{axis} {f"{scale(other.value):.4g}; " if numbers.tunings else ""}'
@@ -205,15 +205,11 @@ def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
     """Return the numbers of x, y and z, or None if one is missing, with remarks."""
     known = numbers.known(sensor, key)
     if len(known) < 3:
-        return None, ['the result does not have all three axes']
+        return None, ['the result does not have all three axes' if known else numbers.no_value]
     remarks = [', '.join(f'{name[-1]} {numbers.measured(name, key, scale)}' for name in known)]
     bounds = [name[-1] for name, one in known.items() if one.bound]
     if bounds:
         remarks.append(f'not observable on {", ".join(bounds)}, there the 95 % upper bound')
-    allowed = [name[-1] for name, one in known.items() if one.by_curve]
-    if allowed:
-        remarks.append(f'on {", ".join(allowed)} the bound is the most that the Allan deviation '
-                       'allows')
     return [scale(one.value) for one in known.values()], remarks
 
 
