@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / 'imu_allan'
 MODULES = {'.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts)): path
            for path in PACKAGE.rglob('*.py')}
 ON_PYPI_ALONE = frozenset((
-    'allantools', 'isal', 'lz4', 'mcap', 'plotly', 'rich', 'rosbags', 'zstandard'))
+    'allantools', 'isal', 'lz4', 'mcap', 'rich', 'rosbags', 'zstandard'))
 """A test that needs one of them skips where it is missing."""
 
 

@@ -264,13 +264,6 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
             for name, (time, mean) in moved.items():
                 with main.group(*of(name)):
                     main.line('curve', time / scale, mean)
-            # Markers, above all lines, distinguish the axes in greyscale print.
-            for place, (name, (time, mean)) in enumerate(moved.items()):
-                at = curves.marker_indices(mean, place)
-                with main.group(*of(name)):
-                    main.points(time[at] / scale, mean[at], shape_of(name), [
-                        f'{name[-1]} axis, after {duration(time[i])}: {number(mean[i], 3)}'
-                        for i in at])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
         for place, (tag, kind, signal, times) in enumerate(strips, 1):
@@ -320,8 +313,8 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
     """Draw spectrum, model and excluded lines; None if there is neither of the first two."""
     known = {name: axis for name, axis in axes.items()
              if axis.spectrum is not None or curves.coefficients_of(axis)}
-    rate = timeline.sample_rate_hz
-    if not known or rate is None or timeline.duration_s <= 0:
+    rate = next((curves.rate_of(axis, timeline) for axis in known.values()), None)
+    if rate is None or timeline.duration_s <= 0:
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)

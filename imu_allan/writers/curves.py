@@ -18,7 +18,6 @@ from imu_allan.result import AxisResult, Coefficient, Result, Signal, Spectrum, 
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
-from numpy.typing import NDArray
 
 Kind = TypeVar('Kind')
 
@@ -42,6 +41,11 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
     """Return the observable coefficients of an axis by key, in SI units."""
     return {key: axis.coefficients[key].value or 0.0 for key in TERMS
             if axis.coefficients[key].observable}
+
+
+def rate_of(axis: AxisResult, timeline: Timeline) -> float | None:
+    """Return the sample rate of an axis, which may differ between the two sensors."""
+    return axis.sample_rate_hz or timeline.sample_rate_hz
 
 
 class ModelCurve(NamedTuple):
@@ -68,7 +72,7 @@ class ModelCurve(NamedTuple):
 
 def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     """Return the Allan deviation of the model on a fine grid, or at the points without a rate."""
-    rate = axis.sample_rate_hz or timeline.sample_rate_hz
+    rate = rate_of(axis, timeline)
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
     model = reported_model(axis) if coarse.any() else FittedModel({})
     if not (coarse.any() or hidden_avar(axis, tau).any()):
@@ -217,7 +221,7 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
     """Return the density limits to show: about the model, with strong lines cut off."""
     low, high = inf, 0.0
     for axis in axes:
-        rate = axis.sample_rate_hz or timeline.sample_rate_hz
+        rate = rate_of(axis, timeline)
         if rate is not None and timeline.duration_s > 0:
             frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 60)
             model = model_density(axis, frequency, rate)
@@ -252,16 +256,6 @@ def mean_over_time(axis: AxisResult) -> tuple[Array, Array]:
     """Return the middle of each segment in seconds, and its mean less the overall mean."""
     time, (_, mean, _) = over_time(axis.signal)
     return time, np.asarray(mean - np.nanmean(mean)) if len(mean) else mean
-
-
-def marker_indices(mean: Array, place: int) -> NDArray[np.intp]:
-    """Choose up to eight points of a mean for the marker of the axis at `place` in a picture."""
-    known = np.flatnonzero(np.isfinite(mean))
-    if not len(known):
-        return known
-    marked = 8   # marks on an axis; those of three axes stay distinct even on a phone
-    share = (np.arange(marked) + (place + 0.5) / 3) / marked
-    return np.unique(known[(share * len(known)).astype(int)])
 
 
 def time_unit(length_s: float) -> tuple[float, str]:

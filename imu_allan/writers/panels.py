@@ -17,7 +17,7 @@ from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
 from imu_allan.wording import duration
 from imu_allan.writers import curves
-from imu_allan.writers.figure_style import COLOURS, MARKERS, write_in_a_row
+from imu_allan.writers.figure_style import COLOURS, write_in_a_row
 from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -159,7 +159,7 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:
     """Draw the two-sided spectrum: measured, if there is one, and modelled, with the tones."""
-    rate = timeline.sample_rate_hz
+    rate = curves.rate_of(axis, timeline)
     if rate is None or timeline.duration_s <= 0:
         return
     if axis.band_edge_hz is not None:
@@ -213,13 +213,9 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
         shown = MEAN_UNITS[quantity]
-        for place, (name, (time, mean)) in enumerate(moved.items()):
+        for name, (time, mean) in moved.items():
             panel.plot(time / scale, mean * convert(1.0, quantity, shown), linewidth=0.8,
                        color=colours[name[-1]])
-            at = curves.marker_indices(mean, place)
-            panel.plot(time[at] / scale, mean[at] * convert(1.0, quantity, shown),
-                       MARKERS[name[-1]], color=colours[name[-1]], markersize=4.6, zorder=3,
-                       markeredgewidth=0.6, markeredgecolor=colours['paper'])
         panel.grid(True)
         panel.locator_params(axis='y', nbins=4)
         parts = [(f'mean of each segment less the mean of all [{typeset(shown)}]',

@@ -8,7 +8,7 @@ from exact_results import axis_result, with_axes
 import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline
-from imu_allan.writers import curves, plot
+from imu_allan.writers import charts, curves, plot
 from imu_allan.writers.svg import power_text
 import matplotlib
 from matplotlib.text import Text
@@ -61,6 +61,16 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     assert {*texts_of(figure)} >= {
         'N = 2.406 °/√h\nslope −½, read at 1 s', 'K = 50 °/h/√h\nslope +½, read at 3 s',
         'B = 24.8 °/h\nslope 0, at 0.664 B', 'tone 23.4 Hz'}
+
+
+def test_a_spectrum_ends_at_half_the_rate_of_its_own_sensor(result):
+    halves = with_axes(result, 'accel', sample_rate_hz=50.0)
+    panel = plot.sensor_figure(halves, 'accel').axes[1]
+    assert panel.get_xlabel() == 'frequency [Hz]'
+    assert max(max(line.get_xdata()) for line in panel.lines) == pytest.approx(25.0)
+    accel = {name: axis for name, axis in halves.axes.items() if name.startswith('accel')}
+    svg = charts.density_chart('accel', accel, halves.timeline).svg
+    assert ('>10<' in svg, '>100<' in svg) == (True, False)
 
 
 def test_the_strip_shows_a_warm_up_gaps_and_motion_at_their_time(result):
