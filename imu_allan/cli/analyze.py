@@ -3,25 +3,25 @@
 """Characterize one or more recordings."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.fleet import FleetResults, in_one_line, raise_last
+from imu_allan.cli.fleet import FleetResults, raise_last
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import (
     add_recording_options,
     add_timeline_options,
     choice_of,
-    recordings_of,
 )
-from imu_allan.cli.tasks import folder_names, Task
+from imu_allan.cli.tasks import Task
 from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import raise_if_interrupted
-from imu_allan.writers.atomic import require_writable, RESULT
+from imu_allan.writers.atomic import RESULT
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
@@ -54,9 +54,9 @@ def register(verbs: Any) -> None:
     parser.add_argument('--together', action='store_true',
                         help='the recordings are of one IMU: one result by their joint '
                              'likelihood, with the turn-on bias')
-    parser.add_argument('--name-from', metavar='SOURCE', default='file',
-                        help='what names a unit: file (default), folder (in which it lies), or '
-                             'a regular expression on the path whose first group is the name')
+    parser.add_argument('--name-from', choices=('file', 'folder'), default='file',
+                        help='what names a unit: its file, or the folder in which it lies '
+                             '(default: %(default)s)')
     arguments.add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
@@ -82,31 +82,24 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Characterize every recording; show each result once it and all earlier ones are done."""
+    from imu_allan.recordings import recordings_in
+
     choice = choice_of(args)
     args.recordings = [str(path) for given in args.recordings
-                       for path in recordings_of(given, choice.reading)]
+                       for path in recordings_in(given, choice.reading)]
     apart = len(args.recordings) > 1 and not args.together
     of_one = ('--json' if args.json is not None
               else '--for' if args.consumers and args.output is None else None)
     _require_right_usage(args, apart, of_one)
     output = None if args.output is None else Path(args.output)
-    if args.dask is None:
-        # The workers of a cluster may see another disk.
-        if output is not None:
-            require_writable(output)
-        if args.json is not None and not Path(args.json).exists():
-            require_writable(Path(args.json).parent)
     gathering = FleetResults(output, apart=apart)
     tasks = _tasks(args, choice, output, gathering)
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             f'{of_one}; choose one with --topic or use --output DIR')
-    if output is not None and args.dask is None:
-        from imu_allan.writers.atomic import require_replaceable_in
-        from imu_allan.writers.folder import kinds_of_files
-
-        for task in tasks:
-            require_replaceable_in(task.folder or output, kinds_of_files(task.exports))
+    # The workers of a cluster may see another disk.
+    if args.dask is None and tasks:
+        _require_room(args, tasks)
     shown = 0
     label = tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings'
     with progress_bar(label, sum(task.size_bytes for task in tasks),
@@ -165,32 +158,45 @@ def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | No
 def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
            gathering: FleetResults) -> list[Task]:
     """Return the tasks; recordings that cannot be opened have failed."""
-    from imu_allan.fleet.names import name_pattern, unit_name
+    from imu_allan.fleet.names import distinct_names, unit_names
     from imu_allan.recordings import open_recording
 
-    source = name_pattern(args.name_from)
-    units = {path: unit_name(path, source) for path in args.recordings}
-    found: list[tuple[str, str | None, int]] = []
-    for path in args.recordings:
+    units = unit_names(args.recordings, by_folder=args.name_from == 'folder')
+    found: list[tuple[str, str, str | None, int]] = []
+    for path, unit in zip(args.recordings, units, strict=True):
         try:
             with open_recording(path, options=choice.reading) as recording:
                 topics: list[str | None] = [args.topic] if not args.all_topics else [
                     topic.name for topic in recording.topics] or [None]
-                found.extend((path, topic, recording.size_bytes) for topic in topics)
+                found.extend((path, unit, topic, recording.size_bytes) for topic in topics)
         except ImuAllanError as error:
             if args.together:
                 # A joint result must not leave out a recording silently.
                 raise
-            gathering.fail(units[path], path, error)
+            gathering.fail(unit, path, error)
     of_all = arguments.inspection_of(args), tuple(args.consumers)
     if args.together:
-        return [Task(tuple(args.recordings), choice, sum(size for _, _, size in found), output,
+        return [Task(tuple(args.recordings), choice, sum(size for *_, size in found), output,
                      'together', *of_all)]
-    names = folder_names([(units[path], topic) for path, topic, _ in found])
+    names = distinct_names(unit if topic is None else f'{unit}_{topic.strip("/")}'
+                           for _, unit, topic, _ in found)
     alone = len(found) == 1 == len(units)
     return [Task((path,), replace(choice, topic=topic), size,
                  output if output is None or alone else output / name, name, *of_all)
-            for (path, topic, size), name in zip(found, names, strict=True)]
+            for (path, _, topic, size), name in zip(found, names, strict=True)]
+
+
+def _require_room(args: argparse.Namespace, tasks: Sequence[Task]) -> None:
+    """Raise ImuAllanError if an output cannot be written, before any work is done."""
+    from imu_allan.writers.atomic import require_replaceable_in, require_writable
+    from imu_allan.writers.folder import kinds_of_files
+
+    if args.json is not None and not Path(args.json).exists():
+        require_writable(Path(args.json).parent)
+    if args.output is not None:
+        require_writable(args.output)
+        for task in tasks:
+            require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
 
 
 def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: bool,
@@ -199,6 +205,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     from imu_allan.writers.filters import export
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
+    from imu_allan.writers.verdict_lines import verdict_lines
 
     try:
         if args.json is not None:
@@ -209,7 +216,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
             export(result, consumer) for consumer in args.consumers]
         table = sys.stderr if configurations else sys.stdout
         if brief:
-            print(in_one_line(task.unit, result))
+            print(f'{task.unit}: {" ".join(verdict_lines(result))}')
         else:
             if not first:
                 print(file=table)

@@ -3,7 +3,6 @@
 """Draw plots and a report from one or more result files."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 
@@ -35,11 +34,11 @@ def run(args: argparse.Namespace) -> int:
     if len(results) == 1:
         files = folder.report_files(results[0], args.format)
     else:
-        from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
+        from imu_allan.fleet.names import unit_names
+        from imu_allan.writers.comparison import compare, difference_table, verdicts
         from imu_allan.writers.terminal import console_of, wrapped
 
-        names = names_of([Path(path) for path in args.results])
-        named = dict(zip(names, results, strict=True))
+        named = dict(zip(unit_names(args.results), results, strict=True))
         files = folder.comparison_files(named, args.format)
     paths = write_files(args.output, files)
     if len(results) > 1:

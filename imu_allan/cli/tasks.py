@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tasks of the command: from which recording to make a result, how, and into which folder."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import count as naturals
 from pathlib import Path
-import re
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError
@@ -75,29 +73,3 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
         except ImuAllanError as error:
             return result, error
     return result, None
-
-
-def folder_names(units: Sequence[tuple[str, str | None]]) -> list[str]:
-    """
-    Name a folder after each unit and topic, without duplicates.
-
-    No name of a topic leads out of the parent folder, and no name is too long for a file system.
-    """
-    taken: set[str] = set()
-    numbers: dict[str, Iterator[int]] = {}
-    names = []
-    for unit, topic in units:
-        first = name = _folder_name(unit, topic)
-        # On a file system that ignores case, names that differ only in case are one folder.
-        while name.casefold() in taken:
-            name = f'{first}-{next(numbers.setdefault(first.casefold(), naturals(2)))}'
-        taken.add(name.casefold())
-        names.append(name)
-    return names
-
-
-def _folder_name(unit: str, topic: str | None) -> str:
-    name = unit if topic is None else f'{unit}_{topic.strip("/")}'
-    name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
-    # In bytes: file systems allow 255, and a number may have to be added.
-    return name.encode()[:200].decode(errors='ignore') or 'recording'

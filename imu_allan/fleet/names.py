@@ -2,69 +2,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of units, and their order."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import os
 from pathlib import Path
 import re
 
-from imu_allan.errors import ImuAllanError, printable, shorten
 
-
-def name_pattern(text: str) -> 'str | re.Pattern[str]':
-    """Parse the option that says what units are named after: folder, file or an expression."""
-    if text in ('folder', 'file'):
-        return text
-    try:
-        return re.compile(text)
-    except (re.error, RecursionError, OverflowError) as error:
-        raise ImuAllanError(f'--name-from: {printable(text)} is neither folder nor file nor a '
-                            f'regular expression ({error})') from error
-
-
-def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
-    """Name a unit after its file, its folder, or what an expression finds in the path."""
-    if isinstance(source, re.Pattern):
-        found = source.search(path)
-        name = None if found is None else found[1] if source.groups else found[0]
-        if not name:
-            raise ImuAllanError(f'{path}: --name-from {source.pattern} finds no name in this path')
-        return str(name)
-    # A link names its unit, whatever the recording is called.
-    whole = Path(os.path.abspath(path))  # noqa: PTH100
-    if source == 'folder':
-        return whole.parent.name or 'recording'
-    return (whole.name if whole.is_dir() else whole.stem) or 'recording'
-
-
-def distinct_labels(names: Sequence[str], longest: int) -> list[str]:
+def unit_names(paths: Sequence[str | os.PathLike[str]], *, by_folder: bool = False) -> list[str]:
     """
-    Shorten names to `longest` characters such that those of two units still differ.
-
-    The middle is left out, or what all names have in common, or all but the place in the list.
+    Name units after their files, or the folders of these, below the folder that they share.
 
     Examples
     --------
-    >>> distinct_labels(['imu_bench_a_monday_night', 'imu_bench_b_monday_night'], 14)
-    ['imu_bench_a…', 'imu_bench_b…']
+    >>> unit_names(['bench/sn1.mcap', 'bench/sn2.mcap'])
+    ['sn1', 'sn2']
+    >>> unit_names(['monday/sn1/result.json', 'tuesday/sn1/result.json'])
+    ['monday_sn1', 'tuesday_sn1']
 
     """
-    whole = [printable(name) for name in names]
-    shared = _shared(whole)
-    end = _shared([name[shared:][::-1] for name in whole])
-    # As much of the common beginning as there is room for.
-    start = max(0, min(shared, max(map(len, whole), default=0) - end - (longest - 2)))
-    cut = ['…' * (start > 0) + name[start:len(name) - end] + '…' * (end > 0) for name in whole]
-    for shown in (whole, cut):
-        short = [shorten(name, longest) for name in shown]
-        if len(set(short)) == len(set(whole)):
-            return short
-    return [str(place) for place, _ in enumerate(whole, 1)]
+    # A link names its unit, whatever the recording is called.
+    whole = [Path(os.path.abspath(path)) for path in paths]  # noqa: PTH100
+    whole = [path.parent if by_folder or path.name == 'result.json' else
+             path if path.is_dir() else path.with_suffix('') for path in whole]
+    shared = os.path.commonpath([path.parent for path in whole]) if whole else ''
+    return distinct_names(str(path.relative_to(shared)) for path in whole)
 
 
-def _shared(names: Sequence[str]) -> int:
-    """Count the characters with which all names begin."""
-    return next((place for place, letters in enumerate(zip(*names, strict=False))
-                 if len({*letters}) > 1), min(map(len, names), default=0))
+def distinct_names(names: Iterable[str]) -> list[str]:
+    """
+    Turn names into names of folders, and number those that occur again.
+
+    No name leads out of the parent folder, and no name is too long for a file system.
+    """
+    taken: dict[str, str] = {}
+    for name in names:
+        safe = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
+        # In bytes: file systems allow 255, and a number may have to be added.
+        own = first = safe.encode()[:200].decode(errors='ignore') or 'recording'
+        number = 1
+        # On a file system that ignores case, names that differ only in case are one folder.
+        while own.casefold() in taken:
+            number += 1
+            own = f'{first}-{number}'
+        taken[own.casefold()] = own
+    return list(taken.values())
 
 
 def natural(name: str) -> tuple[tuple[object, ...], str]:

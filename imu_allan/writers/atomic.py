@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-import errno
 import os
 from pathlib import Path
 import re
 import secrets
 import shutil
+from tempfile import TemporaryFile
 
 from imu_allan.errors import ImuAllanError, printable
 
@@ -137,25 +137,15 @@ def resolved(path: str | os.PathLike[str]) -> Path:
 
 
 def require_writable(folder: str | os.PathLike[str]) -> None:
-    """
-    Raise ImuAllanError if a folder cannot be written to, before any work is done.
-
-    A missing folder is not created; instead, its nearest existing parent has to be a writable
-    folder. A full disk is not detected.
-    """
-    nearest = Path(os.path.abspath(folder))  # noqa: PTH100
+    """Make a folder; raise ImuAllanError if no file can be written in it, before any work."""
     try:
-        while not os.path.lexists(nearest):
-            nearest = nearest.parent
-        reason = ('is not a folder' if not nearest.is_dir() else
-                  '' if os.access(nearest, os.W_OK | os.X_OK) else
-                  f'lies on a {os.strerror(errno.EROFS)}'
-                  if os.statvfs(nearest).f_flag & os.ST_RDONLY else 'may not be written to')
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
     except (OSError, ValueError) as error:
-        reason = f'cannot be looked at ({error})'
-    if reason:
-        raise ImuAllanError(f'{printable(folder)}: cannot be written ({printable(nearest)} '
-                            f'{reason}); choose a folder that may be written to')
+        raise ImuAllanError(f'{printable(folder)}: cannot be written '
+                            f'({getattr(error, "strerror", None) or error}); choose a folder that '
+                            'may be written to') from error
 
 
 def _is_stream(path: str | os.PathLike[str]) -> bool:

@@ -13,11 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import copysign, hypot
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.fleet.names import distinct_labels
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
@@ -56,18 +54,6 @@ class Difference:
     coefficients: tuple[Coefficient, Coefficient]
     ratio: float | None
     in_intervals: float | None
-
-
-def names_of(paths: Sequence[Path]) -> list[str]:
-    """Return a short, unique name for each file; folders distinguish files of one name."""
-    for parts in range(1, 1 + max(len(path.parts) for path in paths)):
-        names = ['/'.join(path.with_suffix('').parts[-parts:]) for path in paths]
-        if len(set(names)) == len(names):
-            shared = {name.rpartition('/')[2] for name in names}
-            # For a/result and b/result, the common name "result" is dropped.
-            return [name.rpartition('/')[0] for name in names] \
-                if parts > 1 and len(shared) == 1 else names
-    return [f'{path.stem} ({place})' for place, path in enumerate(paths, 1)]
 
 
 def compare(results: Mapping[str, Result]) -> list[Difference]:
@@ -133,8 +119,7 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
     names = [differences[0].reference, *others]
-    # With this length no row is wrapped at 80 columns.
-    labels = dict(zip(names, map(Text, distinct_labels(names, 14)), strict=True))
+    labels = {name: Text(printable(name)) for name in names}
     table = bare_table('axis', 'term', 'unit', labels[names[0]], *(
         [labels[names[1]]] if alone else ['other', 'value']),
         'ratio', 'intervals', texts=3)

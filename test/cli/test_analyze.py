@@ -54,35 +54,27 @@ def test_output_holds_what_python_returns_and_every_file(recording, tmp_path, ou
         assert json.loads(path.read_text()) == imu_allan.analyze(recording).to_dict()
 
 
-def test_a_table_of_an_imu_in_the_folder_of_a_bag_is_said_to_be_passed_over(tmp_path, model, ran):
-    bag = write_recording(tmp_path / 'bag', simulated_blocks(model, 100.0, 1000))
-    for name, column in ('imu', 'gyro_x'), ('gps', 'latitude'):
-        (bag / f'{name}.csv').write_text(f'time_s,{column}\n1,2\n2,3\n')
-    status, _, err = ran('info', bag)
-    assert (status, err) == (0, f'imu_allan: {bag}/imu.csv: not read, as the folder is one '
-                             'recording; name the file itself\n')
-
-
 def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, model, fails_with):
-    others = [write_recording(tmp_path / name / 'at_rest', simulated_blocks(model, rate, 5000))
-              for name, rate in (('b', 50.0), ('c', 200.0))]
+    paths = [write_recording(tmp_path / name / 'at_rest', simulated_blocks(model, rate, 5000))
+             for name, rate in (('b', 50.0), ('c', 200.0))]
+    (tmp_path / 'a').mkdir()
+    (tmp_path / 'a' / 'at_rest').symlink_to(recording)
     output = tmp_path / 'out'
     output.mkdir()
     # A folder that cannot be made does not keep the others from being written.
-    (output / 'at_rest').write_text('in the way')
+    (output / 'a_at_rest').write_text('in the way')
     (output / 'fleet.html').mkdir()
     lines = fails_with(
-        f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a folder that '
-        'exists on a disk with room and may be written to; not written either: curve.csv, '
+        f'{output}/a_at_rest/result.json: cannot be written (Not a directory); choose a folder '
+        'that exists on a disk with room and may be written to; not written either: curve.csv, '
         f'report.html, allan_deviation.png\nimu_allan: {output}/fleet.html: cannot be written (is '
         'a directory); choose a folder that exists on a disk with room and may be written to',
-        'analyze', recording, *others, '--output', output).splitlines()
-    assert [line.partition(', ')[0] for line in lines[:3]] == [
-        'at_rest: 5 min', 'at_rest-2: 100 s', 'at_rest-3: 25 s']
+        'analyze', tmp_path / 'a' / 'at_rest', *paths, '--output', output).splitlines()
+    assert [line[:22] for line in lines[:3]] == [f'{name}_at_rest: Gyroscope: ' for name in 'abc']
     rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
-        'sample_rate_hz'] for folder in output.glob('at_rest-*')}
-    assert rates == {'at_rest-2': pytest.approx(50), 'at_rest-3': pytest.approx(200)}
-    assert (output / 'at_rest-3' / 'report.html').exists()
+        'sample_rate_hz'] for folder in output.glob('[bc]*')}
+    assert rates == {'b_at_rest': pytest.approx(50), 'c_at_rest': pytest.approx(200)}
+    assert (output / 'c_at_rest' / 'report.html').exists()
 
 
 @pytest.fixture
@@ -194,10 +186,11 @@ def test_an_unwritable_output_is_reported_first(recording, tmp_path, monkeypatch
     file, deep = tmp_path / 'file', tmp_path / 'file' / 'deep'
     file.write_text('')
     monkeypatch.setattr(workers, 'characterize', pytest.fail)
-    for option, path, named in (('--output', file, file), ('--output', deep, deep),
-                                ('--json', deep, file)):
-        fails_with(f'{named}: cannot be written ({file} is not a folder); choose a folder that '
-                   'may be written to', 'analyze', recording, option, path)
+    for option, path, named, reason in (
+            ('--output', file, file, 'File exists'), ('--output', deep, deep, 'Not a directory'),
+            ('--json', deep, file, 'File exists')):
+        fails_with(f'{named}: cannot be written ({reason}); choose a folder that may be written '
+                   'to', 'analyze', recording, option, path)
 
 
 def test_a_result_that_cannot_be_saved_is_shown_all_the_same(recording, tmp_path, fails_with):

@@ -6,13 +6,10 @@ import csv
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 
 from bags import no_axes
-from imu_allan.cli import dask_cluster
-from imu_allan.cli.tasks import folder_names
 from imu_allan.cli.workers import executor
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Inspection
@@ -25,13 +22,6 @@ import pytest
 from repeated import slow
 from whole_lines import refused, Varying
 import zstandard
-
-
-def test_no_name_of_a_topic_leads_out_of_the_folder_above_or_is_too_long_for_it(tmp_path):
-    topics = ['/' + 'a' * 301, '/' + 'ä' * 301, '/../../up', '/' + '\0\n', '..', '']
-    for name in folder_names([('recording', topic) for topic in topics]):
-        (tmp_path / name).mkdir()
-    assert len(list(tmp_path.iterdir())) == len(topics)
 
 
 def test_a_worker_that_is_killed_costs_its_own_recording_only_and_a_defect_shows_where_it_is():
@@ -127,14 +117,11 @@ def test_a_dask_cluster_gives_the_same_results(recording, analyzed):
         assert analyzed(recording) == analyzed(recording, '--dask', cluster.scheduler_address)
 
 
-def test_a_dask_address_where_nobody_answers_is_one_line(recording, monkeypatch, fails_with):
+def test_a_dask_address_where_nobody_answers_is_one_line(recording, fails_with):
     pytest.importorskip('distributed')
-    monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
-    with socket.create_server(('127.0.0.1', 0)) as silent:
-        for address, reason in ((f'tcp://127.0.0.1:{silent.getsockname()[1]}', 'TimeoutError'),
-                                ('not an address', '<words>')):
-            fails_with(f'--dask {address}: no scheduler answers ({reason}); start one with: dask '
-                       'scheduler', 'analyze', recording, '--dask', address)
+    fails_with("--dask not an address: no scheduler answers (missing port number in address 'not "
+               "an address'); start one with: dask scheduler",
+               'analyze', recording, '--dask', 'not an address')
 
 
 def write_csv(path, density, seed, samples=6000, axes='y'):
@@ -159,9 +146,9 @@ def test_the_line_of_a_recording_says_which_sensor_is_not_good(tmp_path, fails_w
                        'same (y).',
                        'analyze', *paths, constant)
     assert shown.splitlines()[:3] == [
-        Varying('good: 70 s, gyro N <number> deg/sqrt(h), <words>'),
-        Varying('short: 6 s, gyro N <number> deg/sqrt(h) (not usable), <words>'),
-        Varying('constant: 70 s, gyro not usable, <words>')]
+        Varying('good: Gyroscope: N is good (<words>). <words>'),
+        'short: Gyroscope: not usable: 6 s at rest.',
+        'constant: Gyroscope: not usable: every sample is the same (y).']
 
 
 def test_a_fleet_gets_a_page_a_table_and_a_document(tmp_path, fails_with):

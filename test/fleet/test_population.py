@@ -5,12 +5,11 @@
 from dataclasses import replace
 
 from exact_results import axis_result, build_result, UNSEEN, with_axes, with_coefficient
-from imu_allan.fleet.names import distinct_labels, name_pattern, natural, unit_name
+from imu_allan.fleet.names import distinct_names, natural, unit_names
 from imu_allan.fleet.population import population
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from whole_lines import refused, Varying
 
 TRUTH = {'noise_density': (1e-4, 0.05, 0.001), 'bias_instability': (2e-5, 0.2, 0.04)}
 """Median, and the relative spread between units and of measuring, half that of an interval."""
@@ -154,37 +153,38 @@ def test_few_units_that_differ_much_have_no_limit_and_two_are_no_population(flee
     assert not found.traits + found.outliers
 
 
-def test_a_unit_is_called_like_its_recording_its_folder_or_what_a_pattern_finds(tmp_path):
-    paths = [str(tmp_path / f'sn{number}' / 'night.mcap') for number in (7, 12)]
-    for source, names in (('file', ['night', 'night']), ('folder', ['sn7', 'sn12']),
-                          (r'sn(\d+)', ['7', '12']), (r'sn\d+', ['sn7', 'sn12'])):
-        assert [unit_name(path, name_pattern(source)) for path in paths] == names
-    # A folder has no suffix.
-    (tmp_path / 'unit.7').mkdir()
-    assert unit_name(str(tmp_path / 'unit.7')) == 'unit.7'
-    (tmp_path / 'SN1.csv').symlink_to(tmp_path / 'unit.7')
-    assert unit_name(f'{tmp_path}/unit.7/../SN1.csv') == 'SN1.csv'
+@pytest.mark.parametrize(('paths', 'names'), [
+    (['a.json', 'b.json'], ['a', 'b']), (['sn7/night.mcap', 'sn12/night.mcap'], [
+        'sn7_night', 'sn12_night']),
+    (['mon/result.json', 'tue/result.json'], ['mon', 'tue']),
+    (['x/mon/result.json', 'y/mon/result.json'], ['x_mon', 'y_mon']),
+    (['a/r.json', 'b/s.json', 'c/r.json'], ['a_r', 'b_s', 'c_r']),
+    (['a.json', 'A.mcap', 'a.csv'], ['a', 'A-2', 'a-3']), (['night.mcap'], ['night'])])
+def test_units_are_named_after_their_files_as_shortly_as_tells_them_apart(paths, names):
+    assert unit_names(paths) == names
 
 
-def test_a_pattern_that_finds_nothing_or_is_none_is_refused():
-    with refused('a/b.csv: --name-from sn([0-9]+) finds no name in this path'):
-        unit_name('a/b.csv', name_pattern('sn([0-9]+)'))
-    with refused(Varying('--name-from: ( is neither folder nor file nor a regular expression '
-                         '(<words>)')):
-        name_pattern('(')
+def test_a_folder_has_no_suffix_and_a_link_names_its_unit(tmp_path, monkeypatch):
+    for name in 'imu_1.5', 'imu_1.6':
+        (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path / 'imu_1.5')
+    assert unit_names(['.', '../imu_1.6']) == ['imu_1.5', 'imu_1.6']
+    (tmp_path / 'SN1').symlink_to(tmp_path / 'imu_1.5')
+    assert unit_names([tmp_path / 'SN1']) == ['SN1']
+
+
+def test_units_may_be_named_after_the_folders_of_their_files():
+    assert unit_names(['sn7/night.mcap', 'sn12/night.mcap'], by_folder=True) == ['sn7', 'sn12']
+    assert unit_names(['sn7/a.mcap', 'sn7/b.mcap'], by_folder=True) == ['sn7', 'sn7-2']
+
+
+def test_no_name_leads_out_of_the_folder_above_or_is_too_long_for_it(tmp_path):
+    names = ['a' * 301, 'ä' * 301, '../../up', '\0\n', '..', '']
+    for name in distinct_names(names):
+        (tmp_path / name).mkdir()
+    assert len(list(tmp_path.iterdir())) == len(names)
 
 
 def test_units_stand_in_the_order_of_their_numbers():
     assert sorted(['unit10', 'Unit2', 'unit1', '3', 'a', 'unit10b2', 'unit10b12'], key=natural) \
         == ['3', 'a', 'unit1', 'Unit2', 'unit10', 'unit10b2', 'unit10b12']
-
-
-@pytest.mark.parametrize(('names', 'shown'), [
-    (['unit1', 'unit2'], ['unit1', 'unit2']),
-    (['bench_of_monday_1', 'bench_of_monday_2'], ['bench_…nday_1', 'bench_…nday_2']),
-    ([f'imu_bench_{unit}_monday_night' for unit in 'ab'], ['imu_bench_a…', 'imu_bench_b…']),
-    ([f'monday_night_{unit}_adis16405' for unit in (9, 10)], ['…day_night_9…', '…day_night_10…']),
-    ([f'{unit}_monday_{night}_imu_{unit}' for unit in 'ab' for night in 'xy'], list('1234')),
-    ([], [])])
-def test_shortened_names_of_two_units_differ(names, shown):
-    assert distinct_labels(names, 14) == shown

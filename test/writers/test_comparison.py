@@ -4,7 +4,6 @@
 from dataclasses import replace
 import json
 from math import sqrt
-from pathlib import Path
 import re
 
 from browser import faults_of, needs_browser, pages_in_print
@@ -12,7 +11,7 @@ from exact_results import axis_result, build_result, only, UNSEEN, with_coeffici
 from imu_allan.fleet.population import Outlier
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
-from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
+from imu_allan.writers.comparison import compare, difference_table, verdicts
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.files import fleet_csv, fleet_json
 from imu_allan.writers.fleet.outlier_sentences import sentence
@@ -52,16 +51,6 @@ def test_a_value_differs_by_its_distance_from_a_bound(value, interval, bound, le
 def test_results_with_nothing_in_common_are_refused(result):
     with refused('the results have no axis in common on which a coefficient is observable'):
         compare({'a': only(result, 'gyro'), 'b': only(result, 'accel')})
-
-
-@pytest.mark.parametrize(('paths', 'names'), [
-    (['a.json', 'b.json'], ['a', 'b']),
-    (['mon/result.json', 'tue/result.json'], ['mon', 'tue']),
-    (['x/mon/result.json', 'y/mon/result.json'], ['x/mon', 'y/mon']),
-    (['a/r.json', 'b/s.json', 'c/r.json'], ['a/r', 'b/s', 'c/r']),
-    (['a.json', 'a.json'], ['a (1)', 'a (2)'])])
-def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
-    assert names_of([Path(path) for path in paths]) == names
 
 
 def test_the_table_names_a_result_without_steering_the_terminal(result):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.arrays import Array
-from imu_allan.fleet.names import distinct_labels
+from imu_allan.errors import printable, shorten
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult
 from imu_allan.writers.figure_style import (
@@ -60,8 +60,12 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
                     draw_curve(panel, axes[unit], colour, look[0], dashes=look[1])
                     [named[unit]] = panel.plot([], [], color=colour, marker=look[0],
                                                linestyle=look[1], markersize=4.4)
-        # A legend, as names beside the curves would overlap.
-        figure.legend([*named.values()], distinct_labels([*named], 18),
+        # A legend, as names beside the curves would overlap; the places tell names apart that were
+        # shortened to the same.
+        names = [shorten(printable(name), 18) for name in named]
+        if len({*names}) < len(names):
+            names = [f'{place} {shorten(name, 15)}' for place, name in enumerate(names, 1)]
+        figure.legend([*named.values()], names,
                       loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / height),
                       ncol=len(SERIES), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
                       handletextpad=0.5, columnspacing=1.4)
