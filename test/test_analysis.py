@@ -136,6 +136,5 @@ def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys)
     assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr')
     assert main(['info', result.source.path]) == 0
     shown = capsys.readouterr().out
-    assert ('  clock       time column: each stamp shows its place, single missing samples are '
-            'seen') in shown.splitlines()
+    assert '  clock       time column' in shown.splitlines()
     assert '1970' not in shown

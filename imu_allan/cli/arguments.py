@@ -32,11 +32,6 @@ def positive_number(text: str) -> float:
     return _above_zero(_number(text), text)
 
 
-def percentage(text: str) -> float:
-    """Read a percentage above zero, with its sign or without."""
-    return positive_number(text.strip().removesuffix('%'))
-
-
 def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), {'': 1.0, 'hz': 1.0, 'khz': 1e3},
@@ -106,15 +101,13 @@ def add_inspection(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--meta', metavar='KEY=VALUE', type=_meta, action='append', default=[],
                         help='which unit is measured, by whom and where: serial=A-0017, '
                              'operator=NAME, station=NAME; may be repeated')
-    for key in _META:
-        # The names from before --meta existed.
-        parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)
+    parser.add_argument('--serial', type=lambda text: ('serial', text), dest='meta',
+                        action='append', help=argparse.SUPPRESS)
 
 
 def inspection_of(args: argparse.Namespace) -> dict[str, str]:
     """Return what these options say: fields of `imu_allan.result.Inspection`."""
-    former = ((key, getattr(args, key)) for key in _META)
-    return {key: value for key, value in (*former, *args.meta) if value is not None}
+    return dict(args.meta)
 
 
 def _meta(text: str) -> tuple[str, str]:

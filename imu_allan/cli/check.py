@@ -46,10 +46,7 @@ def register(verbs: Any) -> None:
                         help='from a shorter record nothing passes (30min, 3h)')
     parser.add_argument('--live', action='store_true',
                         help='stop as soon as the verdict is certain: wrong in at most one unit '
-                             'of twenty')
-    parser.add_argument('--margin', metavar='PERCENT', type=arguments.percentage, default=10.0,
-                        help='with --live: a unit nearer to its limit is called neither good nor '
-                             'bad (default: 10%%)')
+                             'of twenty; within 10 %% of a limit neither good nor bad')
     parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
     parser.add_argument('--certificate', metavar='FILE',
@@ -142,8 +139,8 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
         for taken in looks:
             result, fits = fitted_of(taken)
             found = check_state({one.stream.half or '': one.characterization for one in taken},
-                                specification, margin=args.margin / 100,
-                                shortest_s=args.min_duration, result=result, fits=fits)
+                                specification, shortest_s=args.min_duration, result=result,
+                                fits=fits)
             if found.decided:
                 break
     print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')

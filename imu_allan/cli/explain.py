@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.terminal import columns_of
+from imu_allan.writers.terminal import console_of, wrapped
 
 
 def register(verbs: Any) -> None:
@@ -25,8 +25,6 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the explanation of a code, or a list of all codes."""
-    from textwrap import fill
-
     from imu_allan.finding_messages import explained
     from imu_allan.finding_texts import WORDS
 
@@ -45,10 +43,10 @@ def run(args: argparse.Namespace) -> int:
         shown = printable(given) if given.strip() else repr(given)
         raise ImuAllanError(f'{shown}: no finding has this code{hint} '
                             '(all: imu_allan explain)')
-    columns = columns_of() or 80
-    print('\n\n'.join('\n'.join(
-        fill(line, columns, subsequent_indent='  ', break_on_hyphens=False)
-        for line in explained(code)) for code in codes))
+    console = console_of()
+    for place, code in enumerate(codes):
+        console.print(*([''] if place else []),
+                      *wrapped(explained(code), min(console.width, 80)), sep='\n')
     return 0
 
 

@@ -5,11 +5,9 @@
 import argparse
 import os
 from pathlib import Path
-import re
 from typing import Any
 
 from imu_allan.cli import arguments
-from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.supported_filters import consumers_by_family
 
@@ -71,16 +69,8 @@ def run(args: argparse.Namespace) -> int:
     path = None if args.output is None else Path(args.output)
     if path is not None and (path.is_dir() or args.output.endswith(os.sep)):
         path = path / CONSUMERS[args.consumer].file
-    options = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
-               'step_s': '--aiding', 'coast_s': '--coast'}
-    try:
-        text = export(result, args.consumer, ExportOptions(
-            args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
-            args.inflate))
-    except ImuAllanError as error:
-        # The user knows the options, not the names of the library's arguments.
-        said = re.sub(rf'\b({"|".join(options)})\b', lambda name: options[name[1]], str(error))
-        raise ImuAllanError(said) from error
+    text = export(result, args.consumer, ExportOptions(
+        args.rate, args.as_measured, args.aiding, args.coast, args.conservative, args.inflate))
     if path is None:
         print(text, end='')
     else:

@@ -76,26 +76,6 @@ class FleetResults:
                           'unit')
 
 
-def in_one_line(unit: str, result: 'Result') -> str:
-    """Return a result as one line."""
-    from imu_allan.sensor.units import engineering
-    from imu_allan.sensor_verdicts import sensor_verdicts
-    from imu_allan.wording import duration, number
-    from imu_allan.writers.verdict_lines import findings_line, VERDICT_TEXT
-
-    parts = [duration(result.timeline.duration_s)]
-    for sensor, found in sensor_verdicts(result).items():
-        densities = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
-                     if name.startswith(sensor)]
-        said = '' if found.verdict == 'good' else VERDICT_TEXT[found.verdict]
-        if values := [density.value for density in densities if density.value is not None]:
-            worst, shown_unit = engineering(max(values), densities[0].unit)
-            said = f'N {number(worst)} {shown_unit}{said and f" ({said})"}'
-        parts.append(f'{sensor} {said}')
-    parts += filter(None, [findings_line(result)])
-    return f'{printable(unit)}: {", ".join(parts)}'
-
-
 def raise_last(complaints: Sequence[ImuAllanError]) -> None:
     """Print why recordings failed, one line each; raise the last error to end the command."""
     sys.stdout.flush()

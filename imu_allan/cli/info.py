@@ -5,18 +5,13 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-import textwrap
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.fleet import raise_last
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import (
-    add_recording_options,
-    recording_options,
-    recordings_of,
-)
+from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.errors import brief, ImuAllanError, printable
-from imu_allan.writers.terminal import columns_of
+from imu_allan.writers.terminal import console_of, print_wrapped, wrapped
 
 if TYPE_CHECKING:
     from imu_allan.recordings import Recording
@@ -43,8 +38,10 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the contents of the recording, or of each recording in a folder."""
+    from imu_allan.recordings import recordings_in
+
     complaints: list[ImuAllanError] = []
-    for number, path in enumerate(recordings_of(args.recording, recording_options(args))):
+    for number, path in enumerate(recordings_in(args.recording, recording_options(args))):
         if number:
             print()
         try:
@@ -61,42 +58,28 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.recordings import choose_topic, open_recording
     from rich.filesize import decimal
 
-    most = 20   # each takes a pass over the whole recording
     with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
             choose_topic(recording)
         size = path.stat().st_size if path.is_file() else recording.size_bytes
         print(f'{printable(recording.path)}  {decimal(size)}')
-        read = recording.topics[:most]
-        total = recording.size_bytes * len(read)
+        total = recording.size_bytes * len(recording.topics)
         with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
             paragraphs = [
-                _report(recording, topic.name, _rate_of(recording, topic.name, args),
+                _report(recording, topic.name, args.rate,
                         offset_progress(progress, i * recording.size_bytes))
-                for i, topic in enumerate(read)]
+                for i, topic in enumerate(recording.topics)]
         paragraphs += [
             _choice(recording) if len(recording.topics) > 1 else [],
-            _list('more Imu topic', 'more Imu topics', [
-                (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
-                for topic in recording.topics[most:]]),
             _list('topic of another type', 'topics of other types',
                   sorted(recording.other_topics.items())),
             _list('of them might hold an IMU and is not read',
                   'of them might hold an IMU and are not read', sorted(recording.reasons.items()))]
+        console = console_of()
         for lines in filter(None, paragraphs):
-            print('', *lines, sep='\n')
+            console.print('', *wrapped(lines, console.width, indent=_INDENT), sep='\n')
         for remark in recording.remarks:
-            print('\n'.join(_wrapped('warning: ', message_of(remark))))
-
-
-def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
-    """Return the rate that the user states for a topic."""
-    from imu_allan.recordings.separate_gyro_and_accel import half_of
-
-    if args.rate is None and args.accel_rate is None:
-        return None
-    rate: float | None = (args.accel_rate if half_of(recording, topic) == 'accel' else args.rate)
-    return rate
+            print_wrapped(f'warning: {message_of(remark)}')
 
 
 def _choice(recording: 'Recording') -> list[str]:
@@ -118,13 +101,10 @@ def _list(one: str, many: str, topics: list[tuple[str, str]]) -> list[str]:
     """Return topics with a word about each, if there are any."""
     from imu_allan.wording import counted
 
-    most = 200   # a robot has fewer
     if not topics:
         return []
-    lines = [f'  {brief(name)}  {brief(word)}'.rstrip() for name, word in topics[:most]]
-    if len(topics) > most:
-        lines.append(f'  and {len(topics) - most} more')
-    return [f'{counted(len(topics), one, many)}:', *lines]
+    return [f'{counted(len(topics), one, many)}:',
+            *(f'  {brief(name)}  {brief(word)}' for name, word in topics)]
 
 
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
@@ -178,18 +158,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     if heat is not None:
         rows.append(('temperature', f'from {heat.name}'))
     rows.extend(('warning', message_of(remark)) for remark in noted())
-    return lines + [line for name, text in rows
-                    for line in _wrapped(f'  {name:<{_INDENT - 2}}', text)]
-
-
-def _wrapped(name: str, text: str) -> list[str]:
-    """Wrap the text about a name to the terminal; a pipe gets it in one line, for grep."""
-    width = columns_of()
-    if width is None:
-        return [f'{name}{printable(text)}'.rstrip()]
-    return textwrap.wrap(printable(text), max(width, 2 * _INDENT), initial_indent=name,
-                         subsequent_indent=' ' * _INDENT, break_long_words=False,
-                         break_on_hyphens=False) or [name.rstrip()]
+    return lines + [f'  {name:<{_INDENT - 2}}{printable(text)}' for name, text in rows]
 
 
 def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
@@ -211,14 +180,9 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
                   f', jitter {duration(abs(summary.jitter_s))}'
                   if abs(summary.jitter_s) >= 1e-6 else ', jitter below 1 us')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
-    read = {'counted': 'each message taken for a sample, gaps seen where they last',
-            'placed': 'each stamp shows its place, single missing samples are seen',
-            'ticks': 'several messages to a tick', 'batches': 'batches overlap'}
     rows.append(('clock', 'none: samples are counted at the stated rate' if untimed
                  else 'none usable, samples are counted' if summary.clock is None
-                 else clock_of(summary.clock, topic)
-                 + (': ' if summary.stamps_read else '')
-                 + ', '.join(read[how] for how in summary.stamps_read)))
+                 else clock_of(summary.clock, topic)))
     absent = [name for name, present in zip(AXES, summary.present, strict=True) if not present]
     if absent:
         rows.append(('absent', named(absent)))

@@ -116,11 +116,6 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments, by default those of the process; return its exit status."""
-    if sys.stderr is None:
-        # Otherwise the next file to be opened could get its descriptor.
-        sys.stderr = open(os.devnull, 'w')  # noqa: PTH123, SIM115
-    if sys.stdout is None:
-        return _fail('standard output: is closed; lead it to a file, or to /dev/null')
     for stream in (sys.stdout, sys.stderr):
         # A terminal that cannot show a micro sign must not end the program.
         getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')

@@ -3,7 +3,6 @@
 """Which files a command may overwrite with its outputs."""
 
 import argparse
-import os
 from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
@@ -11,7 +10,7 @@ from imu_allan.errors import ImuAllanError, printable
 
 def require_apart(args: argparse.Namespace) -> None:
     """
-    Refuse an output that is an input, another output, or an existing file of another kind.
+    Refuse an output that is an input, or an existing file of another kind.
 
     The defaults `inputs` and `outputs` of each verb list which of its arguments are which. Outputs
     have a kind (`imu_allan.writers.atomic`), which is empty for a folder.
@@ -25,14 +24,8 @@ def require_apart(args: argparse.Namespace) -> None:
     for name, path, *_ in (*given, *written):
         if not path:
             raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
-    taken: dict[str, str] = {}
     for name, path, kind in written:
         is_file = Path(path).is_file()
-        # A device can take several outputs.
-        if (is_file or not Path(path).exists()) and (
-                first := taken.setdefault(os.path.realpath(path), name)) != name:
-            raise ImuAllanError(f'{name} {printable(path)}: is the file of {first}, too; name '
-                                'another file')
         if is_file and any(Path(other).exists() and Path(path).samefile(other)
                            for _, other in given):
             raise ImuAllanError(f'{name} {printable(path)}: is an input of this command, which '

@@ -8,30 +8,14 @@ verb that characterizes takes both.
 """
 
 import argparse
-from contextlib import suppress
-from pathlib import Path
-import sys
 from typing import TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, moment, rate
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.recordings import RecordingOptions
-
-
-def recordings_of(given: str, reading: 'RecordingOptions') -> list[Path]:
-    """List the recordings at a path, and say which tables in a bag's folder are not read."""
-    from imu_allan.recordings import open_recording, recordings_in
-
-    folder = Path(given)
-    if (folder / 'metadata.yaml').is_file():
-        for table in sorted(folder.glob('*.csv')):
-            with suppress(ImuAllanError), open_recording(table, options=reading):
-                print(f'imu_allan: {printable(table)}: not read, as the folder is one recording; '
-                      'name the file itself', file=sys.stderr)
-    return recordings_in(folder, reading)
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
@@ -49,9 +33,6 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--accel', metavar='FIELD[:UNIT]',
                        help='field of the acceleration and its unit: imu.acc:g; or the unit '
                             'alone: :g')
-    # Former names, kept for one release.
-    group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
-    group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--stamp', metavar='FIELD',
                        help="field of the time: 'imu.stamp', or a number as 'time_us us'")
     group.add_argument('--gyro-topic', metavar='NAME',
@@ -74,8 +55,6 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--clock', choices=('header', 'receive', 'none'), default='auto',
                         help='stamps to trust (default: header, unless unusable); none counts '
                              'samples and needs --rate')
-    parser.add_argument('--force-rate', action='store_const', const='none', dest='clock',
-                        help=argparse.SUPPRESS)
     parser.add_argument('--start', metavar='TIME', type=moment, default=0.0,
                         help='leave out the beginning (10 or 10s, 5min, 2h)')
     parser.add_argument('--duration', metavar='TIME', type=duration,
@@ -111,9 +90,8 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=gyro, accel=accel,
-        stamp=args.stamp, gyro_unit=gyro_unit or args.gyro_unit,
-        accel_unit=accel_unit or args.accel_unit, gyro_topic=args.gyro_topic,
-        accel_topic=args.accel_topic, columns=tuple(pairs),
+        stamp=args.stamp, gyro_unit=gyro_unit, accel_unit=accel_unit,
+        gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
         accel_rate_hz=args.accel_rate, temperature=args.temperature)
 
 

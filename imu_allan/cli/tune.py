@@ -23,7 +23,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'tune', help='what a filter needs, and how far it can trust that',
-        short='aiding coast bias calibration verify json',
+        short='aiding coast bias verify json',
         examples=('tune out',
                   'tune out --aiding 50ms --coast 2m',
                   'tune out --verify another_day.mcap'),
@@ -38,8 +38,6 @@ def register(verbs: Any) -> None:
                         help='the longest unaided time (default: 60s)')
     parser.add_argument('--bias', choices=('random_walk', 'gauss_markov'), default='random_walk',
                         help='what the filter takes its bias for (default: random_walk)')
-    parser.add_argument('--calibration', metavar='TIME', type=duration, default=60.0,
-                        help='how long the bias is averaged before a drift (default: 60s)')
     parser.add_argument('--verify', metavar='OTHER',
                         help='run filters with the numbers over another recording, of another '
                              'day or with the motors on')
@@ -65,9 +63,8 @@ def run(args: argparse.Namespace) -> int:
     console = console_of()
     console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias))
     console.print()
-    console.print(tuning_table.forecast_table(result, args.calibration))
-    for line in wrapped(tuning_table.sentences(result, args.coast, args.calibration),
-                        console.width):
+    console.print(tuning_table.forecast_table(result))
+    for line in wrapped(tuning_table.sentences(result, args.coast), console.width):
         console.print(line)
     tested = {} if args.verify is None else _tested(args, tuning_table.known_axes(result))
     if tested:
@@ -75,8 +72,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(tuning_table.field_test_table(tested, printable(args.verify), args.bias))
     sys.stdout.flush()
     if args.json is not None:
-        document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias,
-                                                args.calibration)
+        document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias)
         if tested:
             document['verification'] = {
                 'other': printable(args.verify),

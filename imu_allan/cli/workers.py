@@ -20,13 +20,13 @@ import sys
 import threading
 from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
 
-from imu_allan.cli.dask_cluster import dask_client
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fast_startup import start_quickly
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 
 if TYPE_CHECKING:
+    from distributed import Client
     from imu_allan.result import Result
 
 T = TypeVar('T')
@@ -37,13 +37,29 @@ Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
 def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
     """Yield an executor of `jobs` processes or of a Dask cluster, or None to use this process."""
     if dask is not None:
-        with dask_client(dask) as client:
+        with _dask_client(dask) as client:
             yield client.get_executor(pure=False)
     elif jobs > 1:
         with WorkerProcesses(jobs) as workers:
             yield workers
     else:
         yield None
+
+
+def _dask_client(address: str) -> 'Client':
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ImuAllanError('--dask: the package distributed is not installed; '
+                            "pip install 'imu_allan[fleet]'") from None
+    try:
+        # One in the same building answers within milliseconds.
+        return Client(  # type: ignore[no-untyped-call]
+            address, timeout=10.0, set_as_default=False)
+    except Exception as error:
+        # A peer that is no scheduler may send anything, so the library may raise anything.
+        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
+                            'dask scheduler') from error
 
 
 def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable[[int], None]

@@ -17,6 +17,8 @@ from imu_allan.wording import duration
 
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
+MARGIN = 0.1
+"""A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,12 @@ class CheckState:
 
 
 def check_state(stream: Characterization | Mapping[str, Characterization],
-                specification: NoiseModel, *, margin: float = 0.1, shortest_s: float = 0.0,
+                specification: NoiseModel, *, shortest_s: float = 0.0,
                 result: Result | None = None, fits: Mapping[str, AxisFit | None] | None = None
                 ) -> CheckState:
     """Compare a unit with its datasheet while it is recorded, each time `next_look` says so."""
     # A mapping has the halves of an IMU whose sensors have different rates, and comes with result
-    # and fits. Within `margin` of a limit, the test need not decide on a side.
+    # and fits.
     halves = {'': stream} if isinstance(stream, Characterization) else stream
     if result is None or fits is None:
         [alone] = halves.values()
@@ -70,7 +72,7 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
         # The output resolution hides the quantity, however long the record is.
         hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
         settled.append(
-            _settled(verdict, raw.get(verdict.axis), margin, max(limited, 1), recorded)
+            _settled(verdict, raw.get(verdict.axis), max(limited, 1), recorded)
             if verdict.key in tested and not hidden
             else (verdict, hidden or verdict.verdict != 'cannot tell'))
     found = [verdict for verdict, _ in settled]
@@ -85,8 +87,8 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
     return CheckState(all(done for _, done in settled), tuple(found), recorded)
 
 
-def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, limited: int,
-             recorded_s: float) -> tuple[Verdict, bool]:
+def _settled(verdict: Verdict, fitted: AxisFit | None, limited: int, recorded_s: float
+             ) -> tuple[Verdict, bool]:
     """Apply the sequential test to one coefficient; return the verdict and whether it is final."""
     if fitted is None:
         # A missing, constant or dead axis has already failed.
@@ -100,7 +102,7 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, limited: i
         return _open(verdict), False
     # A good unit may fail at any of its limits by chance, so these share the error. A bad unit
     # passes only if its bad term passes.
-    decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
+    decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=MARGIN,
                       pass_error=0.05, fail_error=0.05 / limited)
     if decision == 'open':
         return _open(verdict), False
@@ -108,7 +110,7 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, limited: i
     said: dict[Decision, tuple[Outcome, str]] = {
         'below': ('pass', f'below {verdict.specified}, certain {after}'),
         'above': ('fail', f'above {verdict.specified}, certain {after}'),
-        'near': ('cannot tell', f'within {100 * margin:.0f} % of {verdict.specified} {after}')}
+        'near': ('cannot tell', f'within {100 * MARGIN:.0f} % of {verdict.specified} {after}')}
     outcome, reason = said[decision]
     return replace(verdict, verdict=outcome,
                    reason=f'{verdict.axis} {verdict.symbol}: {reason}'), True

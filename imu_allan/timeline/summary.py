@@ -48,9 +48,6 @@ class TimelineSummary:
         What was cut out as motion; nothing if motion is kept.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
-    stamps_read : tuple of {'counted', 'placed', 'ticks', 'batches'}
-        How stamps are read: each message is one sample, or its stamp gives its place. With 'ticks'
-        several messages share a tick, with 'batches' batches overlap. Empty without a clock.
     jitter_s : float or None
         Standard deviation of the latest stamps about the grid.
     mostly_motion : bool
@@ -73,7 +70,6 @@ class TimelineSummary:
     counts: Counts = field(default_factory=Counts)
     motion: MotionSummary = field(default_factory=MotionSummary)
     measured_rate_hz: float | None = None
-    stamps_read: tuple[str, ...] = ()
     jitter_s: float | None = None
     mostly_motion: bool = False
     turned: tuple[str, ...] = ()
@@ -119,7 +115,6 @@ def summarize(memory: Memory) -> TimelineSummary:
         counts=counts.copy(),
         motion=motion.copy(),
         measured_rate_hz=None if decision.counted_only else measured,
-        stamps_read=_how_read(decision),
         jitter_s=jitter,
         mostly_motion=mostly_motion(motion),
         turned=tuple(name for axis, name in enumerate(AXES)
@@ -144,11 +139,3 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
         if error > 1e-3 and abs(first / rate - 1) < error:
             return first
     return rate
-
-
-def _how_read(decision: Decision) -> tuple[str, ...]:
-    """Return how stamps are read, and thus how reliably lost samples are detected."""
-    if decision.counted_only or decision.first_interval_ns is None:
-        return ()
-    return ('counted' if decision.pace.counting else 'placed',
-            *(['ticks'] if decision.ticks else []), *(['batches'] if decision.overlaps else []))

@@ -8,7 +8,6 @@ The variable COLUMNS overrides both, as it does for ``ls`` and ``ps``.
 
 from collections.abc import Iterable, Iterator
 import os
-import sys
 from typing import TextIO, TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -66,18 +65,6 @@ def print_wrapped(text: str) -> None:
     """Print a text on standard output, wrapped to the terminal."""
     console = console_of()
     console.print(*wrapped([text], console.width), sep='\n')
-
-
-def columns_of() -> int | None:
-    """Return the width for lines printed without a console; None for a pipe."""
-    stated = _stated()
-    if stated is not None:
-        return stated
-    try:
-        return (os.get_terminal_size(sys.stdout.fileno()).columns or None
-                if sys.stdout.isatty() else None)
-    except (OSError, ValueError):
-        return None
 
 
 def _stated() -> int | None:

@@ -23,6 +23,7 @@ from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.curves import of_sensor
+from imu_allan.writers.key_figures import CALIBRATION_S
 from imu_allan.writers.terminal import bare_table
 import numpy as np
 from rich.console import Group, RenderableType
@@ -114,15 +115,14 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
     return axes
 
 
-def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]:
+def sentences(result: Result, coast_s: float) -> list[str]:
     """Return the notes below the tables: omitted axes, trends, and steadiness."""
     said = _left_out(result)
-    if known_less_than(result.axes, max(FORECAST_S[-1], calibration_s)) is not None:
+    if known_less_than(result.axes, FORECAST_S[-1]) is not None:
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     said += [*(f'{note}. The rows "{MEASURED}" and "{TENFOLD}" are without it.'
                for note in trend_notes(result)), *_steadiness(result, coast_s)]
-    for time_s, what in ((coast_s, 'unaided'),
-                         (calibration_s, 'of averaging the bias')):
+    for time_s, what in ((coast_s, 'unaided'), (CALIBRATION_S, 'of averaging the bias')):
         if (known := known_less_than(result.axes, time_s)) is not None:
             said.append(f'{duration(time_s)} {what} is beyond what this recording knows '
                         f'({duration(known)}): the numbers are widened; record for '
@@ -153,11 +153,11 @@ def _steadiness(result: Result, coast_s: float) -> list[str]:
               if found.code == 'not_steady')]
 
 
-def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
+def forecast_table(result: Result) -> Group:
     """Return the predicted unaided drift of every axis."""
     table = bare_table('axis', 'off by', *map(duration, FORECAST_S))
     for name, axis in known_axes(result).items():
-        forecast = predicted_drift(axis, FORECAST_S, calibration_s)
+        forecast = predicted_drift(axis, FORECAST_S, CALIBRATION_S)
         rows = [('heading, deg', forecast.integral, 180 / np.pi)]
         if forecast.position is not None:
             rows = [('velocity, m/s', forecast.integral, 1.0),
@@ -166,11 +166,11 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
         for i, (what, values, factor) in enumerate(rows):
             shown = [number(float(f'{value * factor:.2g}')) for value in values]
             table.add_row(spoken(name) if i == 0 else '', what, *(
-                text if max(horizon, calibration_s) <= known_s else f'({text})'
+                text if max(horizon, CALIBRATION_S) <= known_s else f'({text})'
                 for horizon, text in zip(FORECAST_S, shown, strict=True)))
     return Group(
         Text('Unaided drift, one standard deviation, the bias averaged '
-             f'over {duration(calibration_s)} before:'), table)
+             f'over {duration(CALIBRATION_S)} before:'), table)
 
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'
@@ -213,11 +213,11 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'r
              'are what the motion adds: put them into --inflate.', 'dim'))
 
 
-def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
-                    calibration_s: float = 60.0) -> dict[str, Any]:
+def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias
+                    ) -> dict[str, Any]:
     """Return the content of the tables as plain data."""
     axes = {name: {'choices': choices(axis, aiding_s, coast_s, bias),
-                   'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
+                   'forecast': asdict(predicted_drift(axis, FORECAST_S, CALIBRATION_S))}
             for name, axis in known_axes(result).items()}
     return {'schema': 'imu_allan.tuning/1', 'aiding_interval_s': aiding_s, 'coast_s': coast_s,
             'bias': bias, 'axes': axes}

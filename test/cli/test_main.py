@@ -63,7 +63,6 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     ('analyze bag --rate 1e9',
      'argument --rate: 1e9: no IMU gives so many samples a second; give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
-    ('analyze bag --force-rate', '--clock none needs --rate'),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
     ('analyze bag --start 1e300', 'argument --start: 1e300 is more than a hundred years'),
     ('analyze bag --duration 3weeks', f"argument --duration: '3weeks' {NO_TIME}"),
@@ -139,7 +138,7 @@ def test_help_shows_what_most_need_and_help_all_the_rest(output_of):
     ('analyze bag --for VINS', 'consumers', ['vins_fusion']),
     ("analyze bag --meta serial=A=7 --meta 'station= 3 '", 'meta',
      [('serial', 'A=7'), ('station', '3')]),
-    *((f"check bag --spec x --margin '{text}'", 'margin', 5.0) for text in ('5', ' 5 % '))])
+    ('check bag --spec x --serial A-17', 'meta', [('serial', 'A-17')])])
 def test_times_rates_and_names_are_read_as_people_write_them(words, key, expected):
     assert getattr(command_parser().parse_args(shlex.split(words)), key) == expected
 
@@ -147,8 +146,7 @@ def test_times_rates_and_names_are_read_as_people_write_them(words, key, expecte
 @pytest.mark.parametrize(('words', 'said'), [
     (['--gyro', 'imu.gyro[0:3]:deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
     (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
-    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'}),
-    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'})])
+    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'})])
 def test_a_unit_stands_behind_the_field_or_alone(words, said):
     args = command_parser().parse_args(['info', 'bag', *words])
     assert recording_options(args) == RecordingOptions(**said)
@@ -186,16 +184,13 @@ def test_ctrl_c_during_the_imports_exits_130_without_a_word(module, recordings, 
     assert (done.returncode, done.stderr) == (130, '')
 
 
-@pytest.mark.parametrize(('leading', 'path', 'complaint'), [
-    ('>&-', '.', 'imu_allan: standard output: is closed; lead it to a file, or to /dev/null\n'),
-    ('2>&-', 'none', ''),
-    pytest.param(
-        '>/dev/full', '.', 'imu_allan: standard output: No space left on device\n',
-        marks=pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full'))])
-def test_a_stream_that_is_closed_or_full_is_one_line(recording, leading, path, complaint):
-    done = subprocess.run(['/bin/sh', '-c', f'"$@" {leading}', 'sh', *COMMAND, 'info', path],
-                          cwd=recording, check=False, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (1, '', complaint)
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
+def test_a_full_disk_behind_standard_output_is_one_line(recording):
+    with Path('/dev/full').open('w') as full:
+        done = subprocess.run([*COMMAND, 'info', '.'], cwd=recording, check=False, stdout=full,
+                              stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (
+        1, 'imu_allan: standard output: No space left on device\n')
 
 
 @pytest.mark.parametrize(('package', 'verb'), [('mcap', 'analyze'), ('zstandard', 'info')])

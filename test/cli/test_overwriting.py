@@ -46,8 +46,6 @@ def folder(tmp_path, recording, result_file, monkeypatch):
      f'--json hard.json: {INPUT}'),
     (['check', 'r.json', '--spec', 'spec.yaml', '--certificate', 'index.html'],
      f'index.html: {OTHER.format("certificate")}'),
-    (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'new', '--junit', './new'],
-     '--junit ./new: is the file of --json, too; name another file'),
     (['tune', 'r.json', '--json', 'r.json'], f'--json r.json: {INPUT}'),
     (['tune', 'r.json', '--verify', 'a.mcap', '--json', 'a.mcap'], f'--json a.mcap: {INPUT}'),
     (['export', 'r.json', '--for', 'kalibr', '--output', 'r.json'], f'--output r.json: {INPUT}'),

@@ -70,8 +70,7 @@ def test_clean_recording_is_described(imu_recording, recording, output_of):
         Varying(f'{imu_recording}  <number> MB'), '', '/imu/data_raw', '  messages    30,000',
         '  frame_id    imu_link', '  start       2023-11-14T22:13:20Z', '  duration    5 min',
         '  rate        100 Hz, jitter below 1 us',
-        '  clock       header stamps: each stamp shows its place, single missing samples are seen',
-        '  faults      none']
+        '  clock       header stamps', '  faults      none']
     assert '  absent      accel x, y and z' in output_of('info', recording).splitlines()
 
 
@@ -116,7 +115,6 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, ou
 def test_a_table_without_times_is_counted_in_short_lines(tmp_path, output_of, monkeypatch):
     path = tmp_path / 'untimed.csv'
     path.write_text('gyro_x,gyro_y\n' + ''.join(f'{number % 7},1\n' for number in range(500)))
-    monkeypatch.setattr('sys.stdout.isatty', lambda: True)
     monkeypatch.setenv('COLUMNS', '50')
     shown = output_of('info', path, '--rate', '100Hz').splitlines()
     assert '  constant    gyro y: every sample is the same' in shown

@@ -157,7 +157,7 @@ def test_unit_operator_and_station_go_into_the_papers(result_file, tmp_path, ran
     save_result(replace(load_result(result_file),
                         inspection=Inspection(serial='A-17', operator='nobody')),
                 tmp_path / 'r.json')
-    assert ran('check', tmp_path / 'r.json', '--spec', 'consumer_mems', '--operator', 'mk',
+    assert ran('check', tmp_path / 'r.json', '--spec', 'consumer_mems', '--meta', 'operator=mk',
                '--meta', 'station=bench 3', '--json', tmp_path / 'c.json')[0] in (0, 3)
     assert json.loads((tmp_path / 'c.json').read_text())['inspection'] == {
         'serial': 'A-17', 'operator': 'mk', 'station': 'bench 3'}

@@ -88,7 +88,7 @@ def decided(seed, limit, most=20_000):
     while done < most and not (found and found.decided):
         part = slice(done, min(most, next_look(done)))
         stream.update(messages(rows[part], RATE_HZ, done, gyro_alone=True))
-        found, done = check_state(stream, model, margin=0.1), part.stop
+        found, done = check_state(stream, model), part.stop
     [verdict] = found.verdicts
     return verdict.verdict, done
 

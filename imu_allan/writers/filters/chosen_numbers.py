@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import get_args, Literal
 
-from imu_allan.argument_checks import positive_number, positive_time
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
@@ -56,11 +55,6 @@ class ExportOptions:
     inflate : mapping
         Additional factors on ``N`` and ``K``.
 
-    Raises
-    ------
-    ImuAllanError
-        If a number is not positive.
-
     """
 
     rate_hz: float | None = None
@@ -69,16 +63,6 @@ class ExportOptions:
     coast_s: float | None = None
     conservative: bool = False
     inflate: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Raise ImuAllanError for invalid options."""
-        for key, factor in self.inflate.items():
-            positive_number(f'inflate {key}', factor)
-        if self.rate_hz is not None:
-            positive_number('rate_hz', self.rate_hz)
-        for name, value in (('aiding_s', self.aiding_s), ('coast_s', self.coast_s)):
-            if value is not None:
-                positive_time(name, value)
 
 
 @dataclass(frozen=True)
