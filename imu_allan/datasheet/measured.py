@@ -2,23 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured values of all quantities that a datasheet may limit, including noise coefficients."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
 
 from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
-from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
 
 DEAD = 1e-3
 """Share of the noise density limit below which an axis is dead. No sensor is a thousand times
-better than its datasheet, while rounding in a driver makes a stuck value vary by that little.
-The same share of the noise of the other segments reveals an axis that died during the record."""
+better than its datasheet, while rounding in a driver makes a stuck value vary by that little."""
 _FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
 
 
@@ -52,8 +49,9 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
         return 'the axis is missing: the result does not hold it'
     if axis.constant:
         return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
-    if (died := _died(axis)) is not None:
-        return died
+    if (span := axis.stood_still) is not None:
+        return (f'the axis is dead for {duration(span.duration_s)} from '
+                f'{duration(span.start_s)} on: it gives one value all that time')
     if axis.saturated is not None:
         return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
                 f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
@@ -78,20 +76,6 @@ def stopped(result: Result) -> str | None:
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
 
-def _died(axis: AxisResult) -> str | None:
-    if axis.stood_still is not None:
-        span = axis.stood_still
-        return (f'the axis is dead for {duration(span.duration_s)} from '
-                f'{duration(span.start_s)} on: it gives one value all that time')
-    segments = () if axis.stationarity is None else axis.stationarity.segments
-    known = [(segment.noise_density, segment.start_s) for segment in segments
-             if segment.noise_density is not None]
-    typical = sorted(density for density, _ in known)[len(known) // 2] if known else 0.0
-    still = [start for density, start in known if density < DEAD * typical]
-    return (f'the axis is dead from {duration(still[0])} on: no noise is left there'
-            if still else None)
-
-
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return a coefficient, for a ramp its magnitude."""
     found: Coefficient = axis.coefficients[key]
@@ -108,30 +92,24 @@ def coefficient(axis: AxisResult, key: str) -> Measured:
     return Measured(value, interval, found.upper95, undecided)
 
 
-def zero_bias(result: Result, axis: str, expected: float) -> Measured:
+def zero_bias(result: Result, name: str, expected: float) -> Measured:
     """Return the distance of the mean from `expected`, the largest of several recordings."""
-    if result.axes[axis].mean is None:
+    axis = result.axes[name]
+    if axis.mean is None:
         return Measured(undecided='there is no mean')
-    if (undecided := _undecided_mean(result.axes[axis])) is not None:
+    if (undecided := _undecided_mean(axis)) is not None:
         return Measured(undecided=undecided)
-    return _largest([(means[0] - expected, errors[0])
-                     for means, errors in _starts(result, [axis])])
-
-
-def gravity_error(result: Result) -> Measured:
-    """Return how far the mean acceleration is from gravity in magnitude, at the worst start."""
-    names = [axis for axis in AXES if axis.startswith('accel')]
-    for name in names:
-        if (undecided := _undecided_mean(result.axes[name])) is not None:
-            return Measured(undecided=f'{name}: {undecided}')
-    found = []
-    for means, errors in _starts(result, names):
-        length = hypot(*means)
-        # Error propagation to first order: each axis is weighted by its share of the magnitude.
-        found.append((length - STANDARD_GRAVITY, hypot(*(
-            mean / length * error for mean, error in zip(means, errors, strict=True)))
-            if length else 0.0))
-    return _largest(found)
+    starts = [(part.means[name], error_of_mean(axis, part.duration_s))
+              for part in result.recordings if name in part.means]
+    if not starts:
+        # The result of a node may be of several starts: the error includes how they differ.
+        spread = result.turn_on_bias.get(name)
+        starts = [(axis.mean, hypot(error_of_mean(axis, result.timeline.rest_s),
+                                    0.0 if spread is None else spread.sigma))]
+    distance, error = max(((mean - expected, error) for mean, error in starts),
+                          key=lambda start: abs(start[0]))
+    half = NORMAL95 * error
+    return Measured(abs(distance), _magnitude((distance - half, distance + half)))
 
 
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
@@ -143,8 +121,6 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     found = result.axes[axis]
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
-    if key == 'gravity_error':
-        return gravity_error(result)
     if found.high_passed_hz is not None:
         return Measured(undecided=_FILTERED)
     if key == 'turn_on_bias':
@@ -154,45 +130,11 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
             return Measured(spread.sigma, spread.ci95)
         return Measured(undecided='one power-on does not show it; analyze several recordings '
                                   'with --together')
-    if key == 'temperature_drift':
-        trend = found.trend.temperature if found.trend is not None else None
-        if trend is not None:
-            return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
-        return Measured(undecided='the result knows no dependence on temperature; record the '
-                                  'temperature while it changes')
-    if found.goodness_of_fit.p_value is None:
-        return Measured(undecided='too few samples')
-    # Zero if the noise is flat up to the band edge, or if there is no spectral line.
-    return Measured(found.band_limit_s or 0.0 if key == 'band_limit' else
-                    max((tone.amplitude for tone in found.tones), default=0.0))
-
-
-def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], list[float]]]:
-    """
-    Return means and standard errors of some axes, for each recording with all of them.
-
-    Otherwise the result is of one recording, or of a node that may have seen several starts. The
-    error of the overall mean then includes the spread between starts.
-    """
-    starts = [(part.means, part.duration_s) for part in result.recordings
-              if all(name in part.means for name in names)]
-    if starts:
-        return [([means[name] for name in names],
-                 [error_of_mean(result.axes[name], time) for name in names])
-                for means, time in starts]
-    time = result.timeline.rest_s
-    spread = [result.turn_on_bias[name].sigma if name in result.turn_on_bias else 0.0
-              for name in names]
-    return [([result.axes[name].mean or 0.0 for name in names],
-             [hypot(error_of_mean(result.axes[name], time), sigma)
-              for name, sigma in zip(names, spread, strict=True)])]
-
-
-def _largest(found: Sequence[tuple[float, float]]) -> Measured:
-    """Return the largest of several distances, given with their standard errors."""
-    distance, error = max(found, key=lambda pair: abs(pair[0]))
-    half = NORMAL95 * error
-    return Measured(abs(distance), _magnitude((distance - half, distance + half)))
+    trend = found.trend.temperature if found.trend is not None else None
+    if trend is not None:
+        return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
+    return Measured(undecided='the result knows no dependence on temperature; record the '
+                              'temperature while it changes')
 
 
 def _undecided_mean(axis: AxisResult) -> str | None:

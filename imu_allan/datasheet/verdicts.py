@@ -31,8 +31,7 @@ class Verdict:
     Attributes
     ----------
     axis, key, symbol, unit : str
-        The quantity, and the SI unit of `limit`, `value`, `ci95` and `upper95`. Quantities of all
-        three axes together have the axis ``accel``.
+        The quantity, and the SI unit of `limit`, `value`, `ci95` and `upper95`.
     limit : float
         The largest value that the specification allows.
     specified : str
@@ -83,35 +82,24 @@ def overall(verdicts: Sequence[Verdict]) -> Outcome:
 
 
 def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
-    """Yield axis, key and limit; limits of the whole accelerometer only once."""
-    said = set()
+    """Yield axis, key and limit, in order."""
     for axis in AXES:
-        terms = specification.axes.get(axis, {})
-        limits = {key: abs(terms[key]) for key in TERMS if key in terms}
-        others = specification.limits.get(axis, {})
-        limits |= {key: others[key] for key in LIMITS if key in others}
-        for key, limit in limits.items():
-            name = 'accel' if key == 'gravity_error' else axis
-            if (name, key) not in said:
-                said.add((name, key))
-                yield name, key, limit
+        terms, others = specification.axes.get(axis, {}), specification.limits.get(axis, {})
+        yield from ((axis, key, abs(terms[key])) for key in TERMS if key in terms)
+        yield from ((axis, key, others[key]) for key in LIMITS if key in others)
 
 
 def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, limit: float
              ) -> Verdict:
-    axes = [axis] if axis in AXES else [name for name in AXES if name.startswith(axis)]
-    quantity = AXES[axes[0]]
+    quantity = AXES[axis]
     symbol = TERMS[key].symbol if key in TERMS else key.replace('_', ' ').replace(
         'turn on', 'turn-on')
-    unit = TERMS[key].unit(quantity) if key in TERMS else LIMITS[key][quantity]
-    written = specification.as_written.get(axes[0], {}).get(key) or f'{limit!r} {unit}'
-    faults = [fault if name == axis else f'{name}: {fault}' for name in axes
-              if (fault := fault_of(result.axes.get(name), specification.axes.get(name, {}).get(
-                  'noise_density'))) is not None]
-    if (stop := stopped(result)) is not None:
-        faults = [stop]
-    measured = Measured() if faults else of_limit(result, axes[0], key, specification)
-    outcome, reason = _decide(measured, limit, written, faults)
+    unit = TERMS[key].unit(quantity) if key in TERMS else quantity.unit + LIMITS[key]
+    written = specification.as_written.get(axis, {}).get(key) or f'{limit!r} {unit}'
+    fault = stopped(result) or fault_of(
+        result.axes.get(axis), specification.axes.get(axis, {}).get('noise_density'))
+    measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
+    outcome, reason = _decide(measured, limit, printable(written), fault)
     return Verdict(
         axis=axis, key=key, symbol=symbol, unit=unit, limit=limit, specified=written,
         value=measured.value, ci95=measured.ci95, upper95=measured.upper95,
@@ -121,21 +109,16 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
         verdict=outcome, reason=f'{axis} {symbol}: {reason}')
 
 
-def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str]
+def _decide(measured: Measured, limit: float, shown: str, fault: str | None
             ) -> tuple[Outcome, str]:
-    shown = printable(written)
-    if faults:
-        return 'fail', faults[0]
+    if fault is not None:
+        return 'fail', fault
     if measured.undecided is not None:
         return 'cannot tell', measured.undecided
-    if measured.ci95 is None and measured.upper95 is not None:
-        if measured.upper95 <= limit:
+    if measured.ci95 is None:
+        if measured.upper95 is not None and measured.upper95 <= limit:
             return 'pass', f'not observable, and with 95 % confidence below {shown}'
         return 'cannot tell', 'not observable in this recording; record for longer'
-    if measured.ci95 is None:
-        # Without an interval, the value alone decides.
-        below = measured.value is not None and measured.value <= limit
-        return ('pass', f'below {shown}') if below else ('fail', f'above {shown}')
     low, high = measured.ci95
     if high <= limit:
         return 'pass', f'the 95 % interval is below {shown}'

@@ -29,23 +29,11 @@ from imu_allan.noise.terms import AXES, Quantity, TERMS
 from imu_allan.result import GaussMarkov
 from imu_allan.sensor.units import parse
 
-LIMITS: dict[str, dict[Quantity, str]] = {
-    key: {Quantity.ANGULAR_VELOCITY: gyro, Quantity.LINEAR_ACCELERATION: accel} if gyro
-    else {Quantity.LINEAR_ACCELERATION: accel}
-    for key, gyro, accel in (
-        ('zero_bias', 'rad/s', 'm/s^2'),
-        ('gravity_error', '', 'm/s^2'),
-        ('band_limit', 's', 's'),
-        ('lines', 'rad/s', 'm/s^2'),
-        ('temperature_drift', 'rad/s/K', 'm/s^2/K'),
-        ('turn_on_bias', 'rad/s', 'm/s^2'),
-    )
-}
+LIMITS = {'zero_bias': '', 'temperature_drift': '/K', 'turn_on_bias': ''}
 """
-Limits in a datasheet besides the noise terms, with the SI unit by quantity. They are, in order,
-the distance of the mean from `mean`, and of the mean vector's length from standard gravity. Then
-come the effective window of a low-pass and the amplitude of a spectral line. The last two are the
-change of the mean with temperature, and its spread between power-ons.
+Limits in a datasheet besides the noise terms, with what their SI unit adds to that of a sample.
+They are the distance of the mean from `mean`, its change with temperature, and its spread between
+power-ons.
 """
 _WANTED = 'give a noise model or datasheet YAML file'
 
@@ -181,19 +169,15 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
             model.axes[axis][key] = _value(value, TERMS[key].unit(quantity), here,
                                            signed=key == 'rate_ramp')
             model.as_written[axis][key] = value.strip()
-        elif quantity in LIMITS.get(key, {}):
-            if key == 'gravity_error' and where.endswith(('.x', '.y', '.z')):
-                raise ImuAllanError(f'{here}: is of the three axes together; '
-                                    'write it under accel itself')
-            model.limits[axis][key] = _value(value, LIMITS[key][quantity], here)
+        elif key in LIMITS:
+            model.limits[axis][key] = _value(value, quantity.unit + LIMITS[key], here)
             model.as_written[axis][key] = value.strip()
         elif key == 'gauss_markov':
             model.gauss_markov[axis] = _gauss_markov(value, quantity, here)
         elif key == 'mean':
             model.mean[axis] = _value(value, quantity.unit, here, signed=True)
         else:
-            others = (limit for limit, units in LIMITS.items() if quantity in units)
-            known = ', '.join((*TERMS, 'gauss_markov', 'mean', *others, 'x', 'y', 'z'))
+            known = ', '.join((*TERMS, 'gauss_markov', 'mean', *LIMITS, 'x', 'y', 'z'))
             raise ImuAllanError(f'{where}: unknown key {shorten(repr(written), 60)}; '
                                 f'known are {known}')
 

@@ -85,8 +85,7 @@ def test_the_unit_of_a_value_is_what_follows_the_number_and_is_typeset():
 
 CONFIG = Path(__file__).parents[2] / 'config'
 KEYS = ('quantization_noise, noise_density, bias_instability, rate_random_walk, rate_ramp, '
-        'gauss_markov, mean, zero_bias, band_limit, lines, temperature_drift, turn_on_bias, '
-        'x, y, z')
+        'gauss_markov, mean, zero_bias, temperature_drift, turn_on_bias, x, y, z')
 NEITHER = ("names neither 'gyro' nor 'accel'; write for instance "
            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
 OF_DENSITY = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
@@ -122,16 +121,13 @@ def test_a_term_may_be_called_by_the_symbol_or_name_that_the_table_prints(name, 
 
 def test_a_datasheet_may_limit_what_is_no_noise():
     model = parse_model('gyro: {zero_bias: 0.5 deg/s, temperature_drift: 36 deg/h/°C}\n'
-                        'accel: {gravity_error: 20 mg, band_limit: 10 ms, lines: 1 mg,\n'
-                        '        z: {turn_on_bias: 2 mg}}')
+                        'accel: {zero_bias: 20 mg, z: {turn_on_bias: 2 mg}}')
     assert model.limits['gyro_x'] == {'zero_bias': pytest.approx(0.5 * DEG),
                                       'temperature_drift': pytest.approx(36 * DEG_H)}
     assert model.limits['accel_z'] == pytest.approx({
-        'gravity_error': 20e3 * UG, 'band_limit': 0.01, 'lines': 1e3 * UG,
-        'turn_on_bias': 2e3 * UG})
-    assert set(model.limits['accel_x']) == {'gravity_error', 'band_limit', 'lines'}
-    assert model.as_written['accel_z'] == {
-        'gravity_error': '20 mg', 'band_limit': '10 ms', 'lines': '1 mg', 'turn_on_bias': '2 mg'}
+        'zero_bias': 20e3 * UG, 'turn_on_bias': 2e3 * UG})
+    assert set(model.limits['accel_x']) == {'zero_bias'}
+    assert model.as_written['accel_z'] == {'zero_bias': '20 mg', 'turn_on_bias': '2 mg'}
     assert model.axes['accel_x'] == {}
 
 
@@ -170,8 +166,6 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
     ('name: [1]\ngyro: {}', 'name: expected a text, such as My IMU'),
     ('gyro: {' + 100 * 'k' + ': 1}',
      f"gyro: unknown key '{28 * 'k'}…{28 * 'k'}'; known are {KEYS}"),
-    ('accel: {z: {gravity_error: 20 mg}}', 'accel.z.gravity_error: is of the three axes together; '
-     'write it under accel itself'),
     ('accel: {velocity_random_walk: 0.1 m/s/sqrt(h), noise_density: 1 ug/sqrt(Hz)}',
      'accel: velocity_random_walk and noise_density are the same; keep one'),
 ])

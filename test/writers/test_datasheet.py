@@ -45,10 +45,10 @@ EVERYTHING = parse_model(
     'name: "<b>Part</b> 7"\n'
     'gyro: {quantization_noise: 1 deg, noise_density: 2.5 deg/sqrt(h), bias_instability: 9 deg/h,'
     ' rate_random_walk: 70 deg/h/sqrt(h), rate_ramp: 1 deg/h^2, zero_bias: 0.5 deg/s,'
-    ' band_limit: 10 ms, lines: 1 deg/s, temperature_drift: 1 deg/h/K, turn_on_bias: 1 deg/h}\n'
+    ' temperature_drift: 1 deg/h/K, turn_on_bias: 1 deg/h}\n'
     'accel: {quantization_noise: 1 m/s, noise_density: 9 ug/sqrt(Hz), bias_instability: 9 ug,'
-    ' rate_random_walk: 7 ug/sqrt(h), rate_ramp: 1 ug/h, zero_bias: 1 mg, gravity_error: 1 mg,'
-    ' band_limit: 10 ms, lines: 1 mg, temperature_drift: 1 ug/K, turn_on_bias: 1 ug,'
+    ' rate_random_walk: 7 ug/sqrt(h), rate_ramp: 1 ug/h, zero_bias: 1 mg,'
+    ' temperature_drift: 1 ug/K, turn_on_bias: 1 ug,'
     ' z: {mean: 1 g, noise_density: 7 ug/sqrt(Hz)}}')
 
 
