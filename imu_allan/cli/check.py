@@ -69,7 +69,6 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.terminal import console_of, wrapped
-    from rich.measure import Measurement
 
     specification, choice = arguments.specification_of(args.spec), choice_of(args)
     source, *others = map(str, recordings_in(args.source, choice.reading))
@@ -89,13 +88,7 @@ def run(args: argparse.Namespace) -> int:
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
     console = console_of()
-    # Rather than break intervals and units, leave out what other columns show.
-    for left_out in ((), ('ratio',), ('ratio', 'measured')):
-        table = datasheet.verdict_table(verdicts, specification.name or args.spec, left_out)
-        unbroken = Measurement.get(console, console.options.update(width=1000), table).maximum
-        if unbroken <= console.width:
-            break
-    console.print(table)
+    console.print(datasheet.verdict_table(verdicts, specification.name or args.spec))
     # A wrong unit or lost samples may be what fails or passes.
     act = [found for found in for_display(result.warnings) if found.severity == 'act']
     outcome = overall(verdicts)

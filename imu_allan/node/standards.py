@@ -17,7 +17,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.wording import counted, duration, number
-from imu_allan.writers.datasheet.reasons import summary
+from imu_allan.writers.datasheet import summary
 from imu_allan.writers.result_file import load_result
 
 Stream = Characterization | Mapping[str, Characterization]

@@ -11,7 +11,7 @@ from imu_allan.datasheet.live import check_state
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
-from imu_allan.writers.datasheet.reasons import summary
+from imu_allan.writers.datasheet import summary
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
