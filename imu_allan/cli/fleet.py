@@ -64,8 +64,8 @@ class FleetResults:
         from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
         from imu_allan.writers.terminal import console_of, print_wrapped
 
-        fleet = Fleet(self._results, {unit: unit for unit in self._results},
-                      tuple(Failure(*failure) for failure in self._failures))
+        fleet = Fleet(self._results, tuple(Failure(*failure) for failure in self._failures),
+                      folders=True)
         console = console_of()
         console.print()
         console.print(population_table(fleet, console.width))

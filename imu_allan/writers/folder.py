@@ -94,13 +94,13 @@ def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str]) ->
 def comparison_files(results: Mapping[str, Result], formats: Sequence[str] = plot.FORMATS
                      ) -> Files:
     """Return ``comparison.html`` and ``comparison.FORMAT``, of many results as a population."""
-    from imu_allan.writers.fleet import Fleet
-    from imu_allan.writers.fleet.figure import curves_figure
-    from imu_allan.writers.fleet.page import fleet_html
+    from imu_allan.writers.fleet import Fleet, fleet_html
+    from imu_allan.writers.fleet_figure import curves_figure
     from imu_allan.writers.report import comparison_html
 
     fleet, title = Fleet(results), f'{len(results)} results compared'
     page = (partial(comparison_html, results) if len(results) <= MOST_COMPARED else
             partial(fleet_html, fleet, title))
     return {'comparison.html': lambda: page().encode(),
-            **_plots(lambda: curves_figure(fleet, title), 'comparison', formats)}
+            **_plots(lambda: curves_figure(results, fleet.population, title), 'comparison',
+                     formats)}

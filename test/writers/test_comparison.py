@@ -12,10 +12,15 @@ from imu_allan.fleet.population import Outlier
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, verdicts
-from imu_allan.writers.fleet import Failure, Fleet, population_table
-from imu_allan.writers.fleet.files import fleet_csv, fleet_json
-from imu_allan.writers.fleet.outlier_sentences import sentence
-from imu_allan.writers.fleet.page import fleet_html
+from imu_allan.writers.fleet import (
+    Failure,
+    Fleet,
+    fleet_csv,
+    fleet_html,
+    fleet_json,
+    population_table,
+    sentence,
+)
 import numpy as np
 from on_terminal import shown
 import pytest
@@ -82,8 +87,7 @@ def fleet():
     rng = np.random.default_rng(1)
     results = {f'unit{n}': build_result(scale=1.5 if n == 5 else float(np.exp(.03 * rng.normal())))
                for n in range(1, 13)}
-    return Fleet(results, {name: name for name in results},
-                 (Failure('unit13', 'units/13', 'units/13: cannot be read'),))
+    return Fleet(results, (Failure('unit13', 'units/13', 'units/13: cannot be read'),), True)
 
 
 @pytest.mark.parametrize(('outlier', 'words'), [
@@ -103,7 +107,7 @@ def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet
                '=1+1': fleet.results['unit2'],
                'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
     copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
-    fleet = replace(fleet, results=results, folders={}, failures=(*fleet.failures, copy))
+    fleet = replace(fleet, results=results, folders=False, failures=(*fleet.failures, copy))
     page = fleet_html(fleet)
     for text in (shown(population_table(fleet, 140), 140), page, fleet_csv(fleet),
                  fleet_json(fleet)):
@@ -116,7 +120,7 @@ def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet
     serials = {unit['name']: unit['serial'] for unit in json.loads(fleet_json(fleet))['units']}
     assert serials['unit1'] == 'A-17'
     assert "\n'=1+1,," in fleet_csv(fleet)
-    nothing = Fleet({}, {}, fleet.failures)
+    nothing = Fleet({}, fleet.failures)
     assert 'unit13' in fleet_html(nothing)
     assert json.loads(fleet_json(nothing))['units'] == []
 

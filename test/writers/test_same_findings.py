@@ -13,9 +13,7 @@ from imu_allan.node.result_messages import remark_values
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import certificate_html
-from imu_allan.writers.fleet import Fleet
-from imu_allan.writers.fleet.files import fleet_json
-from imu_allan.writers.fleet.page import fleet_html
+from imu_allan.writers.fleet import Fleet, fleet_html, fleet_json
 from imu_allan.writers.report import report_html
 from imu_allan.writers.verdict_lines import findings_line
 import numpy as np

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figure of several units: few in colour, of many the population, and outliers in colour."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.arrays import Array
 from imu_allan.errors import printable, shorten
+from imu_allan.fleet.population import Population
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult
+from imu_allan.result import AxisResult, Result
 from imu_allan.writers.figure_style import (
     allan_panels,
     COLOURS,
@@ -17,7 +18,6 @@ from imu_allan.writers.figure_style import (
     plot_style,
     SERIES,
 )
-from imu_allan.writers.fleet.outlier_sentences import Fleet
 from imu_allan.writers.panels import draw_curve
 import numpy as np
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 
-def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
+def curves_figure(results: Mapping[str, Result], fleet: Population, title: str = '') -> 'Figure':
     """Draw the Allan deviations of a fleet or of results to compare, one panel per axis."""
-    few = len(fleet.results) <= len(SERIES)
+    few = len(results) <= len(SERIES)
     # The band of a population is blue; outliers beyond the others are named only in the table.
-    colours = dict(zip(fleet.results if few else fleet.population.outlier_units,
+    colours = dict(zip(results if few else fleet.outlier_units,
                        SERIES if few else SERIES[1:], strict=False))
-    drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
+    drawn = {name: list(found.values()) for name in AXES if (found := _axes(results, fleet, name))}
     rows = max(1, len({name.partition('_')[0] for name in drawn}))
     height = 0.9 + 3.7 * rows
     with plot_style():
@@ -42,7 +42,7 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
         grid = figure.add_gridspec(rows, 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
                                    bottom=0.55 / height, top=1 - 1.15 / height)
         figure.text(0.02, 1 - 0.25 / height,
-                    title or f'Allan deviation of {len(fleet.results)} units', fontsize=13,
+                    title or f'Allan deviation of {len(results)} units', fontsize=13,
                     fontweight='bold', va='center')
         figure.text(0.02, 1 - 0.5 / height,
                     'points: measured · line: fitted · band: 95 % interval' if few else
@@ -50,10 +50,10 @@ def curves_figure(fleet: Fleet, title: str = '') -> 'Figure':
                     va='center', color=COLOURS['soft'])
         named: dict[str, Line2D] = {}
         for name, panel in allan_panels(figure, grid, drawn):
-            axes = _axes(fleet, name)
+            axes = _axes(results, fleet, name)
             if not few:
                 _draw_population(panel, [axis for unit, axis in axes.items()
-                                         if unit not in fleet.population.outlier_units])
+                                         if unit not in fleet.outlier_units])
             for place, (unit, colour) in enumerate(colours.items()):
                 look = 'os^Dv*P'[place], [*DASHES.values()][place % len(DASHES)]
                 if unit in axes:
@@ -98,6 +98,6 @@ def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array) -> tuple[Arr
     return low, middle, high
 
 
-def _axes(fleet: Fleet, name: str) -> dict[str, AxisResult]:
-    return {unit: fleet.results[unit].axes[name] for unit in fleet.population.units
-            if name in fleet.results[unit].axes}
+def _axes(results: Mapping[str, Result], fleet: Population, name: str) -> dict[str, AxisResult]:
+    return {unit: results[unit].axes[name] for unit in fleet.units
+            if name in results[unit].axes}
