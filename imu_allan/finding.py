@@ -100,7 +100,7 @@ CODES: Mapping[str, Code] = {
     'damaged_recording': _know(
         fault=Literal['chunks', 'holes', 'database', 'bytes', 'file', 'unread'],
         broken=Count | None, chunks=Count | None, holes=Count | None, first=Text | None,
-        read=Count | None, places=Count | None, bytes=Count | None,
+        read=Count | None, bytes=Count | None,
         reason=Text | None, lost=Count | None, of=Count | None, topic=Text | None),
     'truncated_recording': _know(
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,

@@ -399,8 +399,8 @@ WORDS: Mapping[str, Words] = {
                    '{lost} of {of} messages of {topic}]',
             holes='left out {holes:count place} without records (the first: {first})[; lost '
                   '{lost} of {of} messages of {topic}]',
-            database='the database is damaged in {places:count place} ({reason}): {read:count '
-                     'message} of {topic} could be read, the others are lost',
+            database='the database is damaged ({reason}): {read:count message} of {topic} could '
+                     'be read, the rest is lost',
             bytes='left out {bytes:,} damaged bytes',
             file='a file of it was left out: {reason}',
             unread='not all of it could be read[; lost {lost} of {of} messages of {topic}]'),

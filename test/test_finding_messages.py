@@ -112,7 +112,7 @@ SAID = [
             **LOST, **RECORDING),
     finding('damaged_recording', fault='holes', holes=1, first='8 bytes from byte 9 on',
             **RECORDING),
-    finding('damaged_recording', fault='database', places=1, read=4980, topic=IMU, reason='bad'),
+    finding('damaged_recording', fault='database', read=4980, topic=IMU, reason='bad'),
     finding('damaged_recording', fault='bytes', bytes=7000),
     finding('damaged_recording', fault='file', reason='b.mcap: empty'),
     finding('damaged_recording', fault='unread', severity='act', **LOST),

@@ -10,9 +10,8 @@ beside the file, it does so in a copy.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
-from itertools import pairwise
 import os
 from pathlib import Path
 import shutil
@@ -26,12 +25,7 @@ from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, room_in
-from imu_allan.recordings.formats.untrusted_database import (
-    Budget,
-    LONGEST_VALUE,
-    require_plain_tables,
-    untrusted_database,
-)
+from imu_allan.recordings.formats.untrusted_database import LONGEST_VALUE, untrusted_database
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -49,6 +43,8 @@ class SqliteRecording(FileRecording):
         super().__init__(path, Path(os.path.realpath(stored)), options)
         self._kinds: dict[str, str] = {}
         self._tolerant = False
+        # Rows at the end that may be on an incomplete page, which SQLite pads with zeros.
+        self._unsure = 0
         # Bytes of the file and its log, which bound the size of all rows.
         self._room = self.size_bytes
         try:
@@ -62,8 +58,8 @@ class SqliteRecording(FileRecording):
         imu = self.imu(topic)
         decode, malformed = imu.messages.decoder(), MalformedMessages()
         limits = ReadingLimits(self.path, 0)
-        with self._database() as (database, budget):
-            for stamps, messages, position in self._fetched(database, budget, imu, malformed):
+        with self._database() as database:
+            for stamps, messages, position in self._fetched(database, imu, malformed):
                 batches = batches_of(messages, np.array(stamps, np.int64))
                 for block in decode(unpacked(batches, limits), malformed):
                     yield block, position
@@ -94,7 +90,7 @@ class SqliteRecording(FileRecording):
         reason: Exception
         try:
             if log is None:
-                self._cut_last_page()
+                self._note_missing_end()
             else:
                 self._work_on_copy(log)
                 with untrusted_database(self._stored, 0, 'mode=rw'):
@@ -114,24 +110,24 @@ class SqliteRecording(FileRecording):
                                     f'({printable(reason)})') from reason
         for name, kind in self._kinds.items():
             self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
-        with suppress(sqlite3.Error), self._database() as (database, _):
+        with suppress(sqlite3.Error), self._database() as database:
             self.topics = [imu if self._has_rows(database, imu) else replace(imu, count=0)
                            for imu in self.topics]
             self.ends_ns = [stamp for order in ('ASC', 'DESC') for [stamp] in database.execute(
                 f'SELECT timestamp FROM messages ORDER BY rowid {order} LIMIT 1')
                 if isinstance(stamp, int)]
 
-    def _work_on_copy(self, *beside: Path) -> None:
+    def _work_on_copy(self, log: Path) -> None:
         if self._room > room_in(tempfile.gettempdir()):
             raise OSError(f'no room for a copy in {tempfile.gettempdir()}; name a larger folder '
                           'with TMPDIR')
         self.folders.append(make_folder())
-        for file in (*beside, self._stored):
+        for file in (log, self._stored):
             shutil.copyfile(file, self.folders[-1] / file.name, follow_symlinks=False)
         self._stored = self.folders[-1] / self._stored.name
 
-    def _cut_last_page(self) -> None:
-        """Work on a copy without an incomplete last page, which SQLite would pad."""
+    def _note_missing_end(self) -> None:
+        """Add a remark if the file is shorter than its header says, and tolerate that."""
         with self._stored.open('rb') as file:
             header = file.read(100).ljust(100, b'\0')
         [page_size] = unpack_from('>H', header, 16)
@@ -140,28 +136,17 @@ class SqliteRecording(FileRecording):
         [counted_at] = unpack_from('>I', header, 92)
         missing = pages * page_size - self.size_bytes
         # The page count is valid only if it was written with the latest change.
-        if changes != counted_at or missing <= 0:
-            return
-        self.remark('truncated_recording', fault='database', missing_bytes=missing,
-                    bytes=pages * page_size, lost_share=missing / (pages * page_size))
-        self._tolerant = True
-        if missing % page_size:
-            try:
-                self._work_on_copy()
-            except OSError as error:
-                raise ImuAllanError(f'{printable(self.path)}: cut short, and {printable(error)}'
-                                    ) from error
-            os.truncate(self._stored, self.size_bytes // page_size * page_size)
+        if changes == counted_at and missing > 0:
+            self.remark('truncated_recording', fault='database', missing_bytes=missing,
+                        bytes=pages * page_size, lost_share=missing / (pages * page_size))
+            self._tolerant, self._unsure = True, page_size // 256
 
-    @contextmanager
-    def _database(self) -> Iterator[tuple[sqlite3.Connection, Budget]]:
-        with untrusted_database(self._stored, self._room, tolerant=self._tolerant) as opened:
-            require_plain_tables(opened[0], ('messages', 'topics'))
-            yield opened
+    def _database(self) -> AbstractContextManager[sqlite3.Connection]:
+        return untrusted_database(self._stored, self._room, tolerant=self._tolerant)
 
     def _described(self) -> dict[str, Definition]:
         """Look up the types of the topics; return the available definitions of them."""
-        with self._database() as (database, _):
+        with self._database() as database:
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             self._kinds = {}
             texts = ', '.join(map(_TEXT.format, ('name', 'type', 'serialization_format')))
@@ -180,7 +165,6 @@ class SqliteRecording(FileRecording):
         """Look up the definitions of types, which bags contain since ROS 2 Iron."""
         found: dict[str, Definition] = {}
         with suppress(sqlite3.Error):
-            require_plain_tables(database, ['message_definitions'])
             texts = ', '.join(map(_TEXT.format, (
                 'topic_type', 'encoding', 'encoded_message_definition')))
             for kind, form, text in database.execute(
@@ -208,87 +192,40 @@ class SqliteRecording(FileRecording):
 
     # ------------------------------------------------------------------------------ going through
 
-    def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
-                 malformed: MalformedMessages,
+    def _fetched(self, database: sqlite3.Connection, imu: ImuTopic, malformed: MalformedMessages,
                  ) -> Iterator[tuple[list[int], list[bytes], int]]:
-        """Fetch thousands of messages at a time, past damage, with stamps and bytes consumed."""
-        # SQLite knows type and length without loading the value, however long it is.
-        query = ("SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
-                 f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
-                 'THEN data END FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
-                 "AND typeof(topic_id) = 'integer' "
-                 f'AND topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid')
-        edges = _parts_of_rows(database)
-        # All messages together cannot exceed the bytes of file and log.
-        read = places = handed = held_bytes = position = 0
-        step, latest, left = 1, -2**63, self._room
+        """Fetch thousands of messages at a time, with stamps and bytes consumed, up to damage."""
         stamps: list[int] = []
         messages: list[bytes] = []
-        reason: sqlite3.Error | None = None
-        for place, (start, stop) in enumerate(pairwise(edges)):
-            # Few enough rows to hold in memory even if all are as large as permitted.
-            most = 64
-            # Give up after a thousand damaged places.
-            while start < stop and places < 1000 and not budget.exhausted and left >= 0:
-                before = latest
-                try:
-                    cursor = database.execute(query, (start, stop - 1))
-                    while found := cursor.fetchmany(most):
-                        # This many messages fit into the cache, unless they are large.
-                        if len(messages) >= 1 << 11 or held_bytes >= 1 << 24:
-                            yield stamps, messages, position
-                            handed += len(messages)
-                            stamps, messages, held_bytes = [], [], 0
-                        position = self.size_bytes * place // (len(edges) - 1)
-                        held = len(messages)
-                        for number, stamp, message in found:
-                            # Damaged pages may point back to rows that were already read.
-                            if number <= latest:
-                                continue
-                            latest = number
-                            read += 1
-                            if message is None:
-                                malformed(1, MalformedImu(
-                                    f'not a blob of {LONGEST_VALUE:,} bytes at most'))
-                                continue
-                            stamps.append(stamp)
-                            messages.append(message)
-                        size = sum(map(len, messages[held:]))
-                        held_bytes += size
-                        left -= size
-                        if left < 0:
-                            del stamps[held:], messages[held:]
-                            self.remark('damaged_recording', fault='database', places=1,
-                                        read=handed + held, topic=printable(imu.name),
-                                        reason='its messages have more bytes than the file')
-                            break
-                    start, step = stop, 1
-                except sqlite3.Error as error:
-                    reason = reason or error
-                    if latest > before:
-                        start, step = max(start, latest + 1), 1
-                    elif most == 1:
-                        places += step == 1
-                        start, step = start + step, 2 * step
-                    # After a failure fetch row by row, as it also discards good rows of the same
-                    # fetch.
-                    most = 1
-        if messages:
-            yield stamps, messages, position
-        if reason is not None and left >= 0:
-            self.remark('damaged_recording', fault='database', places=places,
-                        reason=printable(reason), read=read, topic=printable(imu.name))
-
-
-def _parts_of_rows(database: sqlite3.Connection) -> list[int]:
-    """Return the edges of 200 parts of all rows, to report progress from one to the next."""
-    ends = [0, 0]
-    for end, order in enumerate(('ASC', 'DESC')):
+        read = held_bytes = all_bytes = position = row = last = 0
         with suppress(sqlite3.Error):
-            for [ends[end]] in database.execute(
-                    f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
-                pass
-    first, last = sorted(ends)
-    span = (last - first) // 200 + 1
-    # In a damaged file, rows may lie beyond the first and last one found.
-    return [first, *range(first + span, last + 1, span), 2**63]
+            [[last]] = database.execute('SELECT rowid FROM messages ORDER BY rowid DESC LIMIT 1')
+        try:
+            # SQLite knows type and length without loading the value, however long it is.
+            for row, stamp, message in database.execute(
+                    'SELECT rowid, '
+                    "CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
+                    f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
+                    "THEN data END FROM messages NOT INDEXED WHERE typeof(topic_id) = 'integer' "
+                    f'AND topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid'):
+                read += 1
+                if message is None:
+                    malformed(1, MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most'))
+                    continue
+                all_bytes += len(message)
+                if all_bytes > self._room:
+                    raise sqlite3.DataError('its messages have more bytes than the file')
+                stamps.append(stamp)
+                messages.append(message)
+                held_bytes += len(message)
+                # This many messages fit into the cache, unless they are large.
+                if len(messages) == 1 << 11 or held_bytes >= 1 << 24:
+                    position = self.size_bytes * max(row, 0) // max(row, last, 1)
+                    yield stamps, messages, position
+                    stamps, messages, held_bytes = [], [], 0
+        except sqlite3.Error as error:
+            self.remark('damaged_recording', fault='database', reason=printable(error), read=read,
+                        topic=printable(imu.name), lost_share=1 - row / max(row, last, 1))
+        kept = max(len(messages) - self._unsure, 0)
+        if kept:
+            yield stamps[:kept], messages[:kept], position
