@@ -159,7 +159,6 @@ CODES: Mapping[str, Code] = {
     'short_part': _know(recorded_s=Seconds, asked_s=Seconds),
     'ignored_columns': _know(count=Count, columns=tuple[Text, ...]),
     'repeated_part': _know(messages=Count),
-    'many_definitions': _know(),
     'no_metadata': _know(reason=Text | None),
     'unfinished_recording': _know(
         fault=Literal['unusable', 'not_regular'], file=Text, reason=Text | None),

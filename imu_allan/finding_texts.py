@@ -636,11 +636,6 @@ WORDS: Mapping[str, Words] = {
         'Stamps and values repeat those before.',
         says='left out {messages:count message} whose stamps and values repeat those of earlier '
              'ones'),
-    'many_definitions': Words(
-        'many definitions', 'The descriptions of topics are too long to be true.',
-        'Their bytes are counted.',
-        says='what it says about its topics is longer than any recorder writes; the topics from '
-             'there on are not read'),
     'no_metadata': Words(
         'no metadata', 'The folder has no usable metadata.yaml; the files found are read.',
         'It is missing or damaged.',

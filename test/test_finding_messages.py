@@ -171,7 +171,6 @@ SAID = [
     finding('short_part', recorded_s=120.0, asked_s=300.0),
     finding('ignored_columns', count=12, columns=['alpha_x']),
     finding('ignored_columns', count=1, columns=['note']),
-    finding('many_definitions'),
     finding('no_metadata', reason=None), finding('no_metadata', reason='cut'),
     finding('unfinished_recording', fault='unusable', file='a.db3-journal', reason='cut'),
     finding('unfinished_recording', fault='not_regular', file='a.db3-wal')]

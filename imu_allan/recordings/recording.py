@@ -19,7 +19,12 @@ from imu_allan.recordings.formats.temporary_folder import remove_folder
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
-from imu_allan.recordings.messages.imus_in import imus_in, TEMPERATURE_TYPES, thermometer_in
+from imu_allan.recordings.messages.imus_in import (
+    imus_in,
+    may_hold_imu,
+    TEMPERATURE_TYPES,
+    thermometer_in,
+)
 from imu_allan.recordings.options import RecordingOptions
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -84,7 +89,6 @@ class Recording(ABC):
         self.ends_ns: list[int] = []
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
-        self._kept_bytes = self._parsed = self._parsed_characters = 0
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -117,9 +121,10 @@ class Recording(ABC):
     ) -> bool:
         """Add a topic to `topics` and return True if it holds an IMU, else to `other_topics`."""
         found: dict[str, ImuMessages] = {}
-        if definition is not None:
-            definition = replace(definition, before_parsing=self._limit_parsing)
         try:
+            # A robot has a few hundred topics, and definitions take time.
+            if len(self.other_topics) >= 1000 and may_hold_imu(type_name):
+                raise ImuAllanError('not looked into, after 1000 other topics')
             found = imus_in(topic, type_name, serialization, definition, self.options)
         except ImuAllanError as error:
             self.reasons[topic] = str(error)
@@ -134,26 +139,6 @@ class Recording(ABC):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))
         return bool(found)
-
-    def _limit_parsing(self, definition: Definition) -> None:
-        """Limit the time for parsing to seconds; raise ImuAllanError beyond."""
-        # One takes as long as two thousand characters do at least.
-        self._parsed_characters += len(definition.text) + 2048
-        # A robot has a dozen such definitions, and the limit is 50 times the largest one of ROS.
-        if self._parsed_characters > 1 << 21:
-            raise ImuAllanError(f'not looked into, after {self._parsed} others')
-        self._parsed += 1
-
-    def reserve_bytes(self, size: int) -> bool:
-        """Return whether a description of `size` bytes can be kept; add a remark if not."""
-        # One takes another kilobyte as objects.
-        self._kept_bytes += size + 1024
-        # The largest ROS definition has 40,000 bytes, but a few kilobytes of zstd can expand to
-        # hundreds of megabytes of names and definitions.
-        most = 1 << 26
-        if self._kept_bytes > most:
-            self.remark('many_definitions')
-        return self._kept_bytes <= most
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Add the temperature that the messages of an Imu topic contain, if any."""

@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 LARGEST_DESCRIPTION = 1 << 22
 """Bytes of a record that describes a channel; far more than any definition has."""
+MOST_CHANNELS = 1 << 16
+"""As many as the numbers of an MCAP file."""
 WINDOW = 1 << 22
 """Most bytes read at a time outside of chunks."""
 _UNWRITTEN = 'what was not yet written is missing'
@@ -85,8 +87,6 @@ class ChunkedRecording(FileRecording):
     """A chunked file whose channels are described in an index at its end or in the chunks."""
 
     _magic: ClassVar[bytes]
-    _most_steps: ClassVar[int]
-    """How many records of a chunk of any size may be read one by one."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -123,7 +123,7 @@ class ChunkedRecording(FileRecording):
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        limits = ReadingLimits(self.path, self._most_steps)
+        limits = ReadingLimits(self.path)
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
@@ -149,7 +149,6 @@ class ChunkedRecording(FileRecording):
                 limits: ReadingLimits, damage: 'Damage') -> Iterable[MessageBatch]:
         """Gather the messages of a part as far as it is intact, and note its damage."""
         batches: Iterable[MessageBatch] = ()
-        limits.begin(part.stop - part.start)
         file.seek(part.start)
         try:
             batches, fault = self._batches(file, part, wanted, limits)
@@ -167,7 +166,7 @@ class ChunkedRecording(FileRecording):
         is not described yet are decompressed.
         """
         counts: Counter[int] = Counter()
-        limits = ReadingLimits(self.path, self._most_steps)
+        limits = ReadingLimits(self.path)
         damage = Damage()
         for part in self._parts(file, damage):
             counts.update({number: count for number, (_, count) in part.indexes.items()})

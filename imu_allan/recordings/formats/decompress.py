@@ -3,9 +3,8 @@
 """
 Decompression with bounds on memory and on the work that a file may cause.
 
-No buffer exceeds its declared size. Six kilobytes of zstd can hold two million empty records, or
-64 MiB of zeros, and a file can hold thousands of such chunks. Valid records take bytes of the
-file.
+No buffer exceeds its declared size. Six kilobytes of zstd can hold 64 MiB of zeros, and a file can
+hold thousands of such chunks, so all of them have one bound.
 """
 
 import bz2
@@ -112,38 +111,10 @@ _STREAMS: dict[str, Callable[[BinaryIO], BinaryIO]] = {
 
 
 class ReadingLimits:
-    """
-    Remaining bounds on single steps and decompressed bytes while a file is read.
+    """The decompressed bytes that are left while the file at `path` is read."""
 
-    Parameters
-    ----------
-    path : Path
-        The original file, before any decompression.
-    at_least : int
-        Steps allowed in any chunk, whatever its size; each of its bytes allows one more.
-
-    """
-
-    def __init__(self, path: Path, at_least: int) -> None:
-        size = path.stat().st_size
-        self._at_least = at_least
-        self._left = 0
-        # Up to ten chunks may take `at_least` steps each, whatever their size. Beyond that, even
-        # the smallest compressed record takes more than four bytes of the file.
-        self._steps = 10 * at_least + size // 4
-        self._bytes = PLAIN_BYTES + MOST_RATIO * size
-
-    def begin(self, stored: int) -> None:
-        """Begin a chunk that occupies `stored` bytes of the file."""
-        self._steps += max(self._left, 0)
-        self._left = min(self._steps, self._at_least + stored)
-        self._steps -= self._left
-
-    def step(self) -> None:
-        """Count a record; raise DamagedData if there are too many."""
-        self._left -= 1
-        if self._left < 0:
-            raise DamagedData('more records than its bytes can hold')
+    def __init__(self, path: Path) -> None:
+        self._bytes = PLAIN_BYTES + MOST_RATIO * path.stat().st_size
 
     def expand(self, size: int) -> None:
         """Count decompressed bytes; raise DamagedData if there are too many."""

@@ -64,8 +64,6 @@ class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
     _magic = MAGIC
-    # They take a fifth of a second.
-    _most_steps = 100_000
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
@@ -76,7 +74,7 @@ class McapRecording(ChunkedRecording):
         data = (_chunk_data(file, part.stop - part.start, limits) if part.kind == 'chunk'
                 else file.read(part.stop - part.start))
         batches, consumed = gather(data, wanted, self._describe,
-                                   lambda: _message_places(file, part), limits)
+                                   lambda: _message_places(file, part))
         rest = len(data) - consumed
         return (unpacked(batches, limits),
                 f'{rest} bytes at its end are not whole records' if rest else '')
@@ -134,7 +132,7 @@ class McapRecording(ChunkedRecording):
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
         if (opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or number in known
-                or len(body) > LARGEST_DESCRIPTION or not self.reserve_bytes(len(body))):
+                or len(body) > LARGEST_DESCRIPTION):
             return
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)

@@ -19,7 +19,6 @@ from typing import Any
 
 from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import MessageBatch, rows_like_first
-from imu_allan.recordings.formats.decompress import ReadingLimits
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,7 @@ _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL), *range(0x80,
 
 def gather(
     buffer: bytes, wanted: AbstractSet[int], describe: Callable[[int, bytes], object],
-    index: Callable[[], Ints] | None, limits: ReadingLimits,
+    index: Callable[[], Ints] | None,
 ) -> tuple[Iterator[MessageBatch], int]:
     """
     Gather the messages of the channels `wanted`; also return the bytes of complete records.
@@ -59,7 +58,6 @@ def gather(
         stride = RECORD_HEAD + length
         if stride > end - at:
             break
-        limits.step()
         if opcode == _MESSAGE:
             if stride < _HEAD.itemsize:
                 break

@@ -27,6 +27,7 @@ from imu_allan.recordings.formats.chunked_file import (
     ChunkedRecording,
     Kind,
     LARGEST_DESCRIPTION,
+    MOST_CHANNELS,
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
@@ -50,8 +51,6 @@ class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
     _magic = MAGIC
-    # They take a fifth of a second.
-    _most_steps = 20_000
 
     def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
                  limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
@@ -62,7 +61,7 @@ class Ros1Recording(ChunkedRecording):
         starts, stops = np.append(places, len(buffer)), np.append(0, bodies + 4 + sizes)
         gaps = np.flatnonzero(starts != stops)
         for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True):
-            self._gather_connections(BytesIO(buffer), stop, start, limits)
+            self._gather_connections(BytesIO(buffer), stop, start)
         chosen = np.isin(connections, [*wanted & part.indexes.keys()])
         bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
         return (MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
@@ -115,7 +114,7 @@ class Ros1Recording(ChunkedRecording):
         """Store a connection record, the first of its number, unless damaged."""
         with suppress(DamagedData):
             number, topic = _number(fields, 'conn', 4), _text(fields, 'topic')
-            if number in self._channels or not self.reserve_bytes(len(topic) + len(data)):
+            if number in self._channels or len(self._channels) >= MOST_CHANNELS:
                 return
             described = _fields_of(data)
             text = described.get('message_definition', b'').decode('utf-8', 'replace')
@@ -135,11 +134,12 @@ class Ros1Recording(ChunkedRecording):
                     record.start, (record.stop - record.start) // _ENTRY.itemsize)
         return Part(kind, at, record.stop, entries)
 
-    def _gather_connections(self, file: BinaryIO, at: int, stop: int, limits: ReadingLimits,
-                            ) -> None:
+    def _gather_connections(self, file: BinaryIO, at: int, stop: int) -> None:
         """Store the connections of the records between two messages of a chunk."""
-        while at != stop:
-            limits.step()
+        # A robot has a few hundred topics.
+        for _ in range(10_000):
+            if at == stop:
+                return
             record = _record(file, at, stop)
             if record is None or record.fields['op'] != _CONNECTION:
                 raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
@@ -147,6 +147,7 @@ class Ros1Recording(ChunkedRecording):
             if record.stop - record.start <= LARGEST_DESCRIPTION:
                 self._describe(record.fields, file.read(record.stop - record.start))
             at = record.stop
+        raise DamagedData('more connections than a bag has')
 
 
 class _Record(NamedTuple):

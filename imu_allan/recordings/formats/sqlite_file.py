@@ -32,6 +32,7 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
+_MOST_TOPICS = 1 << 16
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 
 
@@ -57,7 +58,7 @@ class SqliteRecording(FileRecording):
         """Read blocks in the order of recording, each with the number of bytes consumed so far."""
         imu = self.imu(topic)
         decode, malformed = imu.messages.decoder(), MalformedMessages()
-        limits = ReadingLimits(self.path, 0)
+        limits = ReadingLimits(self.path)
         with self._database() as database:
             for stamps, messages, position in self._fetched(database, imu, malformed):
                 batches = batches_of(messages, np.array(stamps, np.int64))
@@ -151,9 +152,7 @@ class SqliteRecording(FileRecording):
             self._kinds = {}
             texts = ', '.join(map(_TEXT.format, ('name', 'type', 'serialization_format')))
             for name, kind, form in database.execute(
-                    f'SELECT {texts} FROM topics NOT INDEXED ORDER BY rowid'):
-                if not self.reserve_bytes(len(name) + len(kind) + len(form)):
-                    break
+                    f'SELECT {texts} FROM topics NOT INDEXED ORDER BY rowid LIMIT {_MOST_TOPICS}'):
                 if form != 'cdr':
                     self.other_topics[name] = f'{kind} encoded as {form}'
                 else:
@@ -168,9 +167,8 @@ class SqliteRecording(FileRecording):
             texts = ', '.join(map(_TEXT.format, (
                 'topic_type', 'encoding', 'encoded_message_definition')))
             for kind, form, text in database.execute(
-                    f'SELECT {texts} FROM message_definitions NOT INDEXED ORDER BY rowid'):
-                if not self.reserve_bytes(len(text)):
-                    break
+                    f'SELECT {texts} FROM message_definitions NOT INDEXED ORDER BY rowid '
+                    f'LIMIT {_MOST_TOPICS}'):
                 if kind in kinds and form in FORMS and text.strip():
                     found.setdefault(kind, Definition(text, FORMS[form]))
         return found

@@ -6,7 +6,7 @@ Definitions of message types, from a recording, from the user, or from sourced p
 The `rosbags` library parses them; this module converts them to the ordered fields of each type.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 import os
@@ -35,19 +35,10 @@ _BASE = {
 
 @dataclass(frozen=True)
 class Definition:
-    """
-    The text of a definition, with those of nested types, and its language.
-
-    Attributes
-    ----------
-    before_parsing : callable or None
-        Called before it is parsed; may raise ImuAllanError.
-
-    """
+    """The text of a definition, with those of nested types, and its language."""
 
     text: str
     form: Form = 'msg'
-    before_parsing: Callable[['Definition'], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -99,8 +90,6 @@ def parse(type_name: str, definition: Definition | Types,
     """
     if not isinstance(definition, Definition):
         return definition
-    if definition.before_parsing is not None:
-        definition.before_parsing(definition)
     from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
 
     name = normal_name(type_name)

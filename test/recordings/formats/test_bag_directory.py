@@ -180,7 +180,7 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_reported(tmp_path):
     write_db3(tmp_path / 'bag_0.db3', block(90))
     # Another remark does not hide the loss; no other explains why most are missing.
     for counted, other, severity in (
-            (100, 'many_definitions', 'know'), (200, 'truncated_recording', 'act')):
+            (100, 'no_metadata', 'know'), (200, 'truncated_recording', 'act')):
         write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, counted)])
         with open_recording(tmp_path) as recording:
             recording.remarks += [Finding(other)]

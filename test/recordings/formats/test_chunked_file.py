@@ -108,4 +108,4 @@ def test_a_bomb_of_tiny_records_costs_the_process_little_time(tmp_path, compress
     status, shown, complaint = run('info', path, '--no-progress', most_kb=400_000)
     assert (status, complaint) == (0, '')
     assert (f'warning: {path}: left out 1 damaged chunk of 3 (the first at byte {place}: more '
-            'records than its bytes can hold)') in shown.splitlines()
+            'connections than a bag has)') in shown.splitlines()
