@@ -153,7 +153,7 @@ CODES: Mapping[str, Code] = {
     'unit_g': _know(),
     'two_rates': _know(
         sensors=tuple[Text, ...], topics=tuple[Text, ...], rates_hz=tuple[Hertz | None, ...]),
-    'repeated_half': _know(topic=Text, half=Text | None),
+    'repeated_half': _know(topic=Text, half=Text),
     'chosen_topic': _know(
         topics=Count, chosen=tuple[Text, ...], reason=Text, others=tuple[Text, ...]),
     'short_part': _know(recorded_s=Seconds, asked_s=Seconds),

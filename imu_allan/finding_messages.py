@@ -38,8 +38,6 @@ def brief(found: Finding) -> str:
 
 def sentence_of(found: Finding) -> str:
     """Return the sentence with the values of a finding, preceded by what it is about."""
-    if _counts_others(found):
-        return f'{_about(found)}{found.values["more"]} more like these'
     made = _made(WORDS[found.code].says, found) if found.code in WORDS else ''
     if made:
         return f'{_about(found)}{made}'
@@ -49,13 +47,9 @@ def sentence_of(found: Finding) -> str:
 def advice(found: Finding, *, live: bool = False) -> str:
     """Return advice on a finding, for a recording or a running node; '' if there is none."""
     words = WORDS.get(found.code)
-    if words is None or _counts_others(found) or not _made(words.says, found):
+    if words is None or not _made(words.says, found):
         return ''
     return _made(words.live if live and words.live is not None else words.do, found)
-
-
-def _counts_others(found: Finding) -> bool:
-    return isinstance(found.values.get('more'), int)
 
 
 def _made(text: Text, found: Finding) -> str:

@@ -613,8 +613,7 @@ WORDS: Mapping[str, Words] = {
     'repeated_half': Words(
         'repeated half', 'One sensor repeats its values between new ones of the other.',
         'Its values change at a rate of their own.',
-        says=('topic {topic} repeats its {half:sensor} samples between new ones',
-              'each message of topic {topic} repeats one of its halves'),
+        says='topic {topic} repeats its {half:sensor} samples between new ones',
         do='each sensor is analyzed at its own rate'),
     'chosen_topic': Words(
         'chosen topic', 'Of several IMU topics one was chosen.', 'By its name and kind.',

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import math
 from pathlib import Path
 
-from imu_allan.errors import brief, ImuAllanError, printable
+from imu_allan.errors import brief, ImuAllanError
 from imu_allan.sensor.units import convert
 
 RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
@@ -55,14 +55,7 @@ class RecordingOptions:
     temperature: str | None = None
 
     def __post_init__(self) -> None:
-        """Raise ImuAllanError for a wrong unit or rate, and where a tuple is something else."""
-        for pair in self.columns:
-            if isinstance(pair, str) or len(pair) != 2:
-                raise ImuAllanError("columns are pairs such as ('gyro_x', '2 deg/s'), not "
-                                    f'{brief(repr(pair), 60)}')
-        if isinstance(self.definitions, str | Path):
-            raise ImuAllanError(f'definitions are several paths, not '
-                                f'{printable(self.definitions)}')
+        """Raise ImuAllanError for a wrong unit or rate."""
         for rate_hz in (self.rate_hz, self.accel_rate_hz):
             if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
                 raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')

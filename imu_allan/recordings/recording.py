@@ -88,7 +88,6 @@ class Recording(ABC):
         self.folders: list[Path] = []
         self.ends_ns: list[int] = []
         self.remarks: list[Finding] = []
-        self._withheld: dict[str, set[str]] = {}
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -103,7 +102,6 @@ class Recording(ABC):
         """Return this open recording for reading another topic, with its own remarks."""
         lent = copy(self)
         lent.remarks = [*self.remarks]
-        lent._withheld = {code: set(reported) for code, reported in self._withheld.items()}
         return nullcontext(lent)
 
     @property
@@ -160,22 +158,10 @@ class Recording(ABC):
                 remark, severity=CODES[remark.code].severity))
 
     def _keep_remark(self, remark: Finding) -> None:
-        """Add a remark unless known; keep ten of each kind and count the rest."""
-        same = [i for i, kept in enumerate(self.remarks) if kept.code == remark.code]
-        if remark in self.remarks:
-            return
-        most = 10   # a folder may hold thousands of damaged files
-        if len(same) < most:
+        """Add a remark unless known; a folder may hold thousands of damaged files."""
+        same = [kept for kept in self.remarks if kept.code == remark.code]
+        if remark not in same and len(same) < 10:
             self.remarks.append(remark)
-            return
-        withheld = self._withheld.setdefault(remark.code, set())
-        withheld.add(repr(remark))
-        rest = replace(remark, axes=(), values={'recording': printable(self.path),
-                                                'more': len(withheld)})
-        if len(same) == most:
-            self.remarks.append(rest)
-        else:
-            self.remarks[same[-1]] = rest
 
     def __enter__(self) -> 'Recording':
         return self

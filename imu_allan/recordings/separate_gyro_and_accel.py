@@ -19,11 +19,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.recording import Recording
 import numpy as np
-from numpy.typing import NDArray
 
 _COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
-_BAND = 64
-"""Frequency bins that share one noise level. Lines more than 16 times above it are removed."""
 
 
 @dataclass(frozen=True)
@@ -137,19 +134,10 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     if len(interpolated) == 1:
         recording.remark('interpolated', topic=printable(topic), half=interpolated[0])
     # If both halves repeat at once, the driver merely polls the sensor faster than it samples.
-    if not repeated or (len(repeated) == 2 and not _alternate(samples)):
+    if len(repeated) != 1:
         return [Stream(topic)]
-    recording.remark('repeated_half', topic=printable(topic),
-                     half=repeated[0] if len(repeated) == 1 else None)
+    recording.remark('repeated_half', topic=printable(topic), half=repeated[0])
     return [Stream(topic, half, only_new=half in repeated) for half in _COLUMNS]
-
-
-def _alternate(samples: Array) -> bool:
-    """Return whether each message updates only one half, as in realsense2_camera before 2019."""
-    new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
-           for columns in _COLUMNS.values()]
-    # The share is below 1 only if a message is lost or both halves are updated at once.
-    return bool((new[0] != new[1]).mean() > 0.9)
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
@@ -171,7 +159,8 @@ def _upsampled(half: Array, stamps: Ints) -> Literal['repeated', 'interpolated']
 
     A repeated sample is held for k or k + 1 messages. A coarse sensor at rest also repeats values,
     but for irregular times. Interpolated samples lie on straight lines if at least three fit
-    between two samples of the sensor; otherwise their variance varies periodically.
+    between two samples of the sensor. With fewer, only the top of the band is lost, which the fit
+    recognizes as a band limit.
     """
     news = np.diff(half, axis=0)
     same = (news == 0).all(axis=1)
@@ -189,81 +178,4 @@ def _upsampled(half: Array, stamps: Ints) -> Literal['repeated', 'interpolated']
         # the ratio of the rates is below 2.
         if usual > 0 and (bends < 1e-4 * usual).mean() >= 0.2:
             return 'interpolated'
-    return 'interpolated' if _is_cyclostationary(half) else None
-
-
-@np.errstate(over='ignore', invalid='ignore', divide='ignore')
-def _is_cyclostationary(half: Array) -> bool:
-    """
-    Return whether the variance of the samples varies periodically, as after interpolation.
-
-    A sample interpolated at fraction f between two sensor samples has (1 - f)^2 + f^2 times their
-    variance. That is 1 at a sensor sample and 1/2 midway. At twice the sensor rate, f takes two
-    values that differ by 1/2, and both may give the same variance. Then the covariance of
-    neighbours varies instead, between f (1 - f) and a larger value.
-    """
-    noise = _without_lines(half)
-    if noise is None:
-        return False
-    correlation = np.atleast_2d(np.corrcoef(noise.T))[np.triu_indices(3, 1)]
-    # Correlated axes mean a vibration: the correlation is the share of power that is modulated. A
-    # sensor interpolated from 63 to 400 Hz gives 0 +- 0.06.
-    if np.abs(correlation).max() > 0.2:
-        return False
-    variance, covariance = _spectrum_of_products(noise, 0), _spectrum_of_products(noise, 1)
-    last = len(variance) - 1
-    peak = int(np.argmax((np.abs(variance[:last]) ** 2).sum(axis=1)))
-    # A vibration at a quarter of the rate is modulated at that frequency too, but leaves the upper
-    # band intact. Relative to the mean square, the modulation is 2 (1 - f + f^2) - 1. If f takes
-    # all values, its amplitude is 3 / pi^2 = 0.30; at simple ratios of the rates, 0.2 to 0.4. In
-    # 4096 samples of white noise the largest amplitude reaches seven times the level by chance.
-    beats = _is_dominant(variance, peak, (0.17, 0.43), 16.0)
-    # At twice the rate, f decides whether the variance or the covariance alternates. At least one
-    # does so by 0.15, or 0.09 if f drifts; the bounds are for twice that amplitude. Only this one
-    # frequency is tested: it exceeds ten times the level by chance once in 100,000.
-    twice = any(_is_dominant(each, last, (0.1, 0.8), 10.0) for each in (variance, covariance))
-    return (beats and peak < last - _BAND) or ((beats or twice) and _lacks_upper_band(noise))
-
-
-def _without_lines(half: Array) -> Array | None:
-    """Remove vibrations and low frequencies; return None if there are too few samples."""
-    n = len(half) // (2 * _BAND) * 2 * _BAND
-    if n < 1024 or not np.isfinite(half).all():
-        return None
-    spectrum = np.fft.rfft((half[:n] - half[:n].mean(axis=0)) * np.hanning(n)[:, None], axis=0)
-    power = np.abs(spectrum[:-1]) ** 2
-    level = np.median(power.reshape(-1, _BAND, 3), axis=1).repeat(_BAND, axis=0) / np.log(2)
-    line = power > 16 * level
-    for shift in (-2, -1, 1, 2):
-        # Include neighbouring bins, into which the window spreads a line: its square would be
-        # modulated too.
-        line |= np.roll(power > 16 * level, shift, axis=0)
-    spectrum[:-1][line] = 0
-    spectrum[:n // _BAND] = 0
-    return np.fft.irfft(spectrum, n, axis=0)
-
-
-def _lacks_upper_band(noise: Array) -> bool:
-    """Return whether the upper quarter of the band is nearly empty, as after upsampling."""
-    power = (np.abs(np.fft.rfft(noise, axis=0)) ** 2).sum(axis=1)
-    quarter = len(power) // 4
-    return bool(power[-quarter:].sum() < power[:quarter].sum() / 4)
-
-
-def _spectrum_of_products(noise: Array, lag: int) -> NDArray[np.complex128]:
-    """Return the amplitude spectrum of lagged products, relative to their mean square."""
-    products = noise * np.roll(noise, -lag, axis=0)
-    beat: NDArray[np.complex128] = 2 * np.fft.rfft(products, axis=0)[8:] / (noise ** 2).sum(axis=0)
-    return beat
-
-
-def _is_dominant(beat: NDArray[np.complex128], at: int, bounds: tuple[float, float],
-                 clear: float) -> bool:
-    """Return whether one frequency, over all axes, exceeds all others and lies within bounds."""
-    total = (np.abs(beat) ** 2).sum(axis=1)
-    amplitude = np.abs(beat[at])
-    # A vibration with a varying frequency gives a broad peak, so nearby bins must be low.
-    beside = np.concatenate([total[max(at - 16, 0):max(at - 3, 0)], total[at + 4:at + 17]])
-    return bool(total[at] > clear * np.median(total) and total[at] > 4 * beside.max()
-                and bounds[0] < amplitude.min() and amplitude.max() < bounds[1]
-                and np.abs(beat[at].sum()) > 0.9 * amplitude.sum())
+    return None

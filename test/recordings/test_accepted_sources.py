@@ -203,8 +203,6 @@ SOURCES = {
     'sbg': flat('sbg_driver/msg/SbgImuData', 'accel gyro'),
     'sbg short': flat('sbg_driver/msg/SbgImuShort', 'delta_velocity delta_angle',
                       scales=(67108864.0, 1048576.0)),
-    'adi': flat('adi_imu/msg/VelAngTempData', 'delta_velocity delta_angle',
-                scales=(STEP_US * 1e-6, STEP_US * 1e-6)),
     'px4 combined': px4('SensorCombined', PX4_COMBINED, lambda n: (
         TIMES_US[n], GYRO[n].astype(F32), STEP_US, 0, ACCEL[n].astype(F32), STEP_US, 0)),
     'px4 vehicle': px4('VehicleImu', PX4_VEHICLE_IMU, lambda n: (

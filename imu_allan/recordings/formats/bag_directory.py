@@ -22,6 +22,10 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 import yaml
 
+# It loads only texts, lists and mappings: other features let a few lines expand to gigabytes. The
+# one in C needs a fraction of a second for a megabyte.
+_LOADER = getattr(yaml, 'CBaseLoader', yaml.BaseLoader)
+
 
 class BagDirectory(Recording):
     """A rosbag2 directory, read with `open_file`; raises ImuAllanError if it has no files."""
@@ -122,7 +126,7 @@ class BagDirectory(Recording):
                 text = file.read(largest + 1)
             if len(text) > largest:
                 raise ValueError(f'it is larger than {largest} bytes')
-            files, self.topics, self.other_topics = _parse(yaml.load(text, _Loader))
+            files, self.topics, self.other_topics = _parse(yaml.load(text, _LOADER))
             return files
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
             reason = printable(' '.join(str(error).split())[:200])
@@ -155,20 +159,6 @@ class BagDirectory(Recording):
                 'missing_file', missing=len(missing), listed=len(names), files=listed,
                 lost_share=len(missing) / len(names))
         return found
-
-
-class _Loader(yaml.BaseLoader):
-    """Loads only texts, lists and mappings: other features let a few lines expand to gigabytes."""
-
-    _nodes = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Count the nodes and limit their number."""
-        self._nodes += 1
-        # A bag split into 3,000 files has 27,000 nodes, which take a second or two to parse.
-        if self._nodes > 30_000:
-            raise ValueError('it has more than 30000 entries')
-        return super().compose_node(parent, index)
 
 
 def _parse(document: object) -> tuple[list[str], list[ImuTopic], dict[str, str]]:

@@ -113,7 +113,7 @@ def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
 
     if vector.scale is not None:
         numbers *= each(vector.scale)
-    if vector.per:
+    if vector.per is not None:
         seconds = each(vector.per) * 1e-6
         seconds[seconds == 0] = np.nan
         numbers /= seconds

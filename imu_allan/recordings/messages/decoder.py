@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Any, Literal
 
-from imu_allan.arrays import Array, Ints, runs
+from imu_allan.arrays import Ints, runs
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import decode_imu_rows, MessageBatch, OnMalformed, Serialization
 from imu_allan.recordings.messages.columns import Columns, extract, frames_of
@@ -96,7 +96,6 @@ class FieldsDecoder:
                                       messages.fields)
         self._clock: int | None = None
         self._frames: dict[str, int] = {}
-        self._step_ns = 0.0
 
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
@@ -109,7 +108,6 @@ class FieldsDecoder:
         if columns is None or not len(columns['samples']):
             return []
         header_ns = self._header_ns(columns['stamps'])
-        self._spread_increments(columns['samples'], header_ns, columns['receive_ns'])
         names, frames = list(self._frames), columns['frames']
         changes = np.diff(frames) != 0 if len(names) > 1 else np.zeros(0, np.bool_)
         return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
@@ -161,17 +159,6 @@ class FieldsDecoder:
                 self._clock = clock
         times: Ints = np.maximum(stamps[:, clock], 0)
         return times
-
-    def _spread_increments(self, samples: Array, header_ns: Ints, receive_ns: Ints) -> None:
-        """Divide increments by the interval of the stamps if no field gives their duration."""
-        for first, vector in self._fields.vectors():
-            if vector.per == '':
-                if not self._step_ns:
-                    clock = header_ns if _advances(header_ns) else receive_ns
-                    steps = np.diff(clock)
-                    self._step_ns = float(np.median(steps)) if len(steps) else 0.0
-                samples[:, first:first + 3] *= (
-                    1_000_000_000 / self._step_ns if self._step_ns > 0 else np.nan)
 
 
 def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:

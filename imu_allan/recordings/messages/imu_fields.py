@@ -30,8 +30,7 @@ class Vector:
     scale : str or None
         Field with a further factor.
     per : str or None
-        For increments, the field with their duration in microseconds; ``''`` if the duration is
-        the interval of the stamps.
+        For increments, the field with their duration in microseconds.
     covariance : str or None
         Field that is -1 if the numbers are not provided.
 

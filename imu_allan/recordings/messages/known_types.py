@@ -57,10 +57,6 @@ KNOWN: Mapping[str, ImuFields] = {
     # unitreerobotics/unitree_ros2: no stamp; the receive time is used.
     **dict.fromkeys(('unitree_go/msg/LowState', 'unitree_hg/msg/LowState'), ImuFields(
         _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))),
-    # analogdevicesinc/imu_ros2: increments over one sample; no field holds the interval.
-    **dict.fromkeys(('adi_imu/msg/VelAngTempData', 'imu_ros2/msg/VelAngTempData'), ImuFields(
-        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
-        temperature='temperature')),
     # LeoRover/leo_msgs
     'leo_msgs/msg/Imu': ImuFields(
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),

@@ -29,7 +29,6 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
-from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,17 +62,15 @@ def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock
     assert process.stdin is not None
     with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
         pickle.dump((memory, recording, topic), stdin)
-    return _received(recording, topic, process, slots)
+    return _received(recording, process, slots)
 
 
-def _received(recording: Recording, topic: str, process: subprocess.Popen[bytes],
-              slots: NDArray[np.void]) -> Iterator[tuple[ImuBlock, int]]:
+def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDArray[np.void],
+              ) -> Iterator[tuple[ImuBlock, int]]:
     assert process.stdin is not None
     assert process.stdout is not None
-    ready = False
     try:
         with open(process.stdout.fileno(), 'rb', closefd=False) as reported:
-            ready = pickle.load(reported)
             while (item := pickle.load(reported)) is not None:
                 slot, messages, frame_id, position = item
                 block = ImuBlock(frame_id=frame_id, **{
@@ -84,12 +81,11 @@ def _received(recording: Recording, topic: str, process: subprocess.Popen[bytes]
                 yield block, position
             failure, remarks = pickle.load(reported)
     except (EOFError, pickle.UnpicklingError):
-        if ready:
-            code = process.wait()
-            how = f'signal {-code}' if code < 0 else f'exit status {code}'
-            raise ImuAllanError(
-                f'{printable(recording.path)}: the process that reads it was ended from outside '
-                f'({how}), perhaps for want of memory') from None
+        code = process.wait()
+        how = f'signal {-code}' if code < 0 else f'exit status {code}'
+        raise ImuAllanError(
+            f'{printable(recording.path)}: the process that reads it was ended from outside '
+            f'({how}), perhaps for want of memory') from None
     finally:
         # Keep the pipes open during cleanup: closing them would interrupt it a second time.
         process.terminate()
@@ -101,10 +97,6 @@ def _received(recording: Recording, topic: str, process: subprocess.Popen[bytes]
             process.wait()
         process.stdin.close()
         process.stdout.close()
-    if not ready:
-        # sys.executable is not Python, for example in a program that embeds it.
-        yield from read_ahead(larger_blocks(recording.decoded(topic)))
-        return
     recording.remarks[:] = remarks
     if failure is not None:
         error, where = failure
@@ -132,7 +124,6 @@ def serve() -> None:
         pickle.dump(item, reports)
         reports.flush()
 
-    report(True)
     # Redirect standard output so that prints of libraries do not mix with the reports.
     os.dup2(2, 1)
     failure = None

@@ -56,7 +56,6 @@ def test_a_split_bag_is_read_in_order(split_bag):
     ('rosbag2_bagfile_information: {', Varying('<words>')), ('[' * 100_000, Varying('<words>')),
     ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
     ('a: 2001-99-99', 'no rosbag2_bagfile_information'),
-    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
     ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes'),
     *((f'rosbag2_bagfile_information: {{{information}}}', reason) for information, reason in (
         ('relative_file_paths: [[1]]', 'relative_file_paths holds something else than file names'),
@@ -216,12 +215,11 @@ def test_names_that_yaml_would_turn_into_something_else_stay_names(tmp_path, nam
     assert (len(after), remarks) == (300, [])
 
 
-def test_of_thousands_of_damaged_files_ten_are_reported_and_the_others_counted(tmp_path):
+def test_of_thousands_of_damaged_files_ten_are_reported(tmp_path):
     write_db3(tmp_path / 'a_0.db3', block(300))
     for number in range(1, 3000):
         (tmp_path / f'a_{number}.db3').write_bytes(b'no database')
     after, remarks = read(tmp_path)
     assert len(after) == 300
     left_out = [remark for remark in remarks if remark.code == 'damaged_recording']
-    assert len(left_out) == 11
-    assert left_out[-1].values == {'recording': str(tmp_path), 'more': 2989}
+    assert len(left_out) == 10

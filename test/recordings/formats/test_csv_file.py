@@ -105,13 +105,6 @@ def test_without_time_column_the_rate_makes_the_stamps(path):
             open_recording(path, rate_hz=rate)
 
 
-def test_options_that_are_no_tuples_are_refused():
-    with refused("columns are pairs such as ('gyro_x', '2 deg/s'), not 'time'"):
-        RecordingOptions(columns={'time': 't ms'})
-    with refused('definitions are several paths, not ~/ws'):
-        RecordingOptions(definitions='~/ws')
-
-
 def test_a_table_has_no_topic_to_choose(path):
     assert refusal(path, 'time_s,gyro_x\n0,1\n', topic='/imu') == (
         'no topic /imu; a CSV file has no topics: leave out --topic')
