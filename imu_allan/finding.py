@@ -138,7 +138,6 @@ CODES: Mapping[str, Code] = {
         share=Share, rest_s=Seconds, rests=Count, starts_s=tuple[Seconds, ...],
         durations_s=tuple[Seconds, ...]),
     'motion_kept': _know(count=Count, seen_s=Seconds, first_s=Seconds),
-    'motion_not_listed': _know(listed=Count),
     'receive_clock': _know(flaw=Flaw | None),
     'counted_samples': _know(rate_hz=Hertz),
     'uneven_stamps': _know(
@@ -146,7 +145,6 @@ CODES: Mapping[str, Code] = {
         rate_error_share=Share | None),
     'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
     'clock_jumps': _know(clock=Text, count=Count),
-    'gaps_not_listed': _know(gaps=Count, gaps_s=Seconds, listed=Count),
     'held_values': _know(share=Share),
     'late_start': _know(messages=Count),
     'axis_late_start': _know(late=Count, messages=Count),

@@ -549,9 +549,6 @@ WORDS: Mapping[str, Words] = {
         says='motion or knocks were seen {count:times}, {seen_s:time} in all, first at '
              '{first_s:time}, and kept as asked',
         do='coefficients and bounds describe them as much as the noise'),
-    'motion_not_listed': Words(
-        'motion not listed', 'The result lists the first spans of motion only.', 'There are more.',
-        says='only the first {listed} spans of motion are listed'),
     'receive_clock': Words(
         'receive clock', 'Receive stamps are used, which are less even.',
         'Header stamps are zero, constant or coarse.',
@@ -583,9 +580,6 @@ WORDS: Mapping[str, Words] = {
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
         'A stamp and all that follow lie far from where the rate puts them.',
         says='the {clock} stamps jumped {count:times}: no difference is taken across a jump'),
-    'gaps_not_listed': Words(
-        'gaps not listed', 'The result lists the first gaps only.', 'There are more.',
-        says='{gaps} gaps of {gaps_s:.6g} s in all; only the first {listed} are listed'),
     'held_values': Words(
         'held values', 'The driver polls the sensor faster than it samples.',
         'Messages repeat all values of the one before.',

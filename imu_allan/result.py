@@ -20,7 +20,7 @@ from imu_allan.json_of_dataclasses import ABOVE_ZERO, json_text, NOT_NEGATIVE, p
 
 SCHEMA = 'imu_allan.result/1'
 LISTED_SPANS = 1000
-"""Most gaps, and most spans of motion, that are listed; further ones are only counted."""
+"""Most gaps, and most spans of motion, that are listed; further ones are only in the totals."""
 
 Interval = tuple[float, float]
 Fault = Literal['constant', 'dead', 'saturated', 'zeroed']
@@ -454,8 +454,20 @@ class AxisResult:
 
 
 @dataclass(frozen=True)
+class Total:
+    """Number and duration of all spans of a kind, listed or not."""
+
+    count: int
+    duration_s: NotNegative
+
+
+@dataclass(frozen=True)
 class Timeline:
-    """Rate, number and faults of the samples, as found by the timeline."""
+    """
+    Rate, number and faults of the samples, as found by the timeline.
+
+    `all_gaps` and `all_motion` are set if there are more spans than are listed.
+    """
 
     sample_rate_hz: AboveZero | None
     samples: int
@@ -466,14 +478,26 @@ class Timeline:
     rejected: int = 0
     gaps: tuple[Span, ...] = ()
     motion: tuple[Span, ...] = ()
+    all_gaps: Total | None = None
+    all_motion: Total | None = None
+
+    @property
+    def totals(self) -> tuple[Total, Total]:
+        """Return number and duration of the gaps, and of the spans of motion."""
+        return self.all_gaps or _total(self.gaps), self.all_motion or _total(self.motion)
 
     @property
     def rest_s(self) -> float:
         """Return the seconds of samples in use, without gaps and motion."""
         if not self.sample_rate_hz:
             return self.duration_s
-        moved = sum(span.duration_s for span in self.motion)
-        return max(min(self.duration_s, self.samples / self.sample_rate_hz) - moved, 0.0)
+        _, moved = self.totals
+        sampled_s = min(self.duration_s, self.samples / self.sample_rate_hz)
+        return max(sampled_s - moved.duration_s, 0.0)
+
+
+def _total(listed: tuple[Span, ...]) -> Total:
+    return Total(len(listed), sum(span.duration_s for span in listed))
 
 
 @dataclass(frozen=True)

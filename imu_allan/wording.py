@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from math import floor, isfinite, log10
 
 from imu_allan.errors import printable
-from imu_allan.result import Inspection, LISTED_SPANS, Result, Timeline
+from imu_allan.result import Inspection, Result, Timeline
 
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
@@ -265,11 +265,7 @@ def faults_of(timeline: Timeline) -> list[str]:
     counts = {'missing': timeline.missing, 'duplicate': timeline.duplicates,
               'out of order': timeline.out_of_order, 'rejected': timeline.rejected}
     faults = [f'{count:,} {name}' for name, count in counts.items() if count]
-    for spans, one, many in ((timeline.gaps, 'gap', 'gaps'),
-                             (timeline.motion, 'segment of motion', 'segments of motion')):
-        if spans:
-            total = sum(span.duration_s for span in spans)
-            # A finding has the total number.
-            first = 'the first ' if len(spans) >= LISTED_SPANS else ''
-            faults.append(f'{first}{counted(len(spans), one, many)} ({duration(total)})')
+    names = ('gap', 'gaps'), ('segment of motion', 'segments of motion')
+    faults += [f'{counted(spans.count, *name)} ({duration(spans.duration_s)})'
+               for spans, name in zip(timeline.totals, names, strict=True) if spans.count]
     return faults

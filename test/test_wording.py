@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user reads: how numbers are worded, and that tests compare it as whole lines."""
 
+from dataclasses import replace
 from pathlib import Path
 import re
 
 from hypothesis import given, strategies as st
-from imu_allan.result import Span, Timeline
+from imu_allan.result import Span, Timeline, Total
 from imu_allan.wording import amount_of, bounded, duration, faults_of, measured, number
 import pytest
 from whole_lines import Varying
@@ -51,6 +52,10 @@ def test_a_recording_is_summed_up_in_one_line():
     assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
                                    '1 segment of motion (5 min)']
     assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'
+    # Motion counts though only the first spans of it are listed.
+    timeline = replace(timeline, all_motion=Total(1500, 5400.0))
+    assert amount_of(timeline) == '2,160,000 samples at 200 Hz, 3 h, 90 min at rest'
+    assert faults_of(timeline)[-1] == '1,500 segments of motion (90 min)'
 
 
 def test_numbers_and_words_vary_only_where_the_line_says_so():

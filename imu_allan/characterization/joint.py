@@ -36,6 +36,7 @@ from imu_allan.result import (
     Result,
     Source,
     Timeline,
+    Total,
     TurnOnBias,
 )
 from imu_allan.wording import spoken
@@ -162,7 +163,12 @@ def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
     gaps, motion = (
         tuple(replace(span, start_s=part.start_s + span.start_s) for part in parts
               for span in getattr(part.result.timeline, name)) for name in ('gaps', 'motion'))
-    return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion, **counts)
+    all_gaps, all_motion = (
+        Total(sum(one.count for one in each), sum(one.duration_s for one in each))
+        for each in zip(*(timeline.totals for timeline in timelines), strict=True))
+    return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion,
+                    all_gaps=all_gaps if all_gaps.count > len(gaps) else None,
+                    all_motion=all_motion if all_motion.count > len(motion) else None, **counts)
 
 
 def _of_each(parts: Sequence[_Part]) -> list[Finding]:

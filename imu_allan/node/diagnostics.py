@@ -15,7 +15,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.finding_messages import for_display, message_of
 from imu_allan.node.facts import Facts, RECENT_S
 from imu_allan.node.result_messages import key_values, remark_values
-from imu_allan.node.shown_terms import rest_s
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
@@ -23,8 +22,8 @@ from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
 
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
-                     'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
-                     'rest_within_motion', 'several_frames', 'spikes'})
+                     'frozen', 'late_start', 'motion', 'rest_within_motion', 'several_frames',
+                     'spikes'})
 """Codes of findings whose cause may be over; the counts show whether it persists."""
 
 SILENT_S = 2.0
@@ -218,7 +217,7 @@ def _timeline(facts: Facts, summary: TimelineSummary) -> Status:
              'rate_hz': summary.measured_rate_hz, 'longest_gap_s': counts.longest_gap_ns / 1e9,
              'header_repeats': counts.header.repeats, 'header_backward': counts.header.backward,
              'moving': motion.moving, 'motion_excluded_s': motion.cut.total_s,
-             'rest_s': rest_s(summary.timeline, motion.cut.total_s),
+             'rest_s': summary.timeline.rest_s,
              'expected_rate_hz': facts.expected_rate or None}
     return *_worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
                    f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz'), {

@@ -77,7 +77,6 @@ class Facts:
     checkpointed_at: float | None = None  # by the monotonic clock
     resumed: str = ''  # what became of the state file at the start
     timeline: Timeline | None = None  # at the last look
-    moved_s: float = 0.0  # excluded of it as motion
     temperature_topic: str = ''
     thermometers: int = 0
     temperature_c: float | None = None

@@ -19,7 +19,6 @@ from imu_allan.node.diagnostics import (
 )
 from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.shown_terms import rest_s
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
@@ -143,9 +142,8 @@ class LogOfChanges:
                 or not result.axes):
             return
         self._progress_s = now - self.began
-        self._log.info(progress_line(
-            result, facts.timeline or result.timeline, facts.moved_s,
-            comes=facts.silent_s < PAUSE_S))
+        self._log.info(progress_line(result, facts.timeline or result.timeline,
+                                     comes=facts.silent_s < PAUSE_S))
 
     def _see_findings(self, where: str, findings: Sequence[Finding]) -> None:
         """Report new findings, and those that few samples showed by chance and more do not."""
@@ -158,11 +156,10 @@ class LogOfChanges:
                           and (not self._overrun or found.code in self._reported)])
 
 
-def progress_line(result: Result, timeline: Timeline, moved_s: float = 0.0, *,
-                  comes: bool = True) -> str:
+def progress_line(result: Result, timeline: Timeline, *, comes: bool = True) -> str:
     """Describe the samples, what is observable and, while messages come, what is expected next."""
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
-    used = f', {duration(rest_s(timeline, moved_s))} of it at rest' if moved_s else ''
+    used = f', {duration(timeline.rest_s)} of it at rest' if timeline.motion else ''
     counts = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
               for key in TERMS}
     shown = [f'{key.replace("_", " ")} of {count}' for key, count in counts.items() if count]

@@ -78,7 +78,7 @@ class Reports:
         else:
             facts.update_error = ''
         summary = snapshot.summary()
-        facts.timeline, facts.moved_s = summary.timeline, summary.motion.cut.total_s
+        facts.timeline = summary.timeline
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         reception.changes.see_timeline(now, facts, summary)
         return summary

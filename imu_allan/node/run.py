@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from math import inf
 from pathlib import Path
 import secrets
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.finding_messages import with_words
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
-from imu_allan.node.shown_terms import rest_s, ShownTerms
+from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import DatasheetLooks
 from imu_allan.node.state_file import UnusableState
 from imu_allan.recordings.repeated_messages import Seen
@@ -80,7 +81,8 @@ class Lane:
     @property
     def span_s(self) -> float:
         """Duration of its samples in s; 0 if their rate is unknown."""
-        return rest_s(self.characterization.summary().timeline, 0.0)
+        timeline = self.characterization.summary().timeline
+        return timeline.samples / (timeline.sample_rate_hz or inf)
 
     def snapshot(self) -> LaneSnapshot:
         """Return an independent copy that includes the messages whose unit is still undecided."""

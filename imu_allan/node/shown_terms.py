@@ -11,7 +11,7 @@ this has to be high, too.
 
 from dataclasses import dataclass, field, replace
 
-from imu_allan.result import Coefficient, Result, Timeline
+from imu_allan.result import Coefficient, Result
 from imu_allan.state import Record
 
 GROWTH = 3.0
@@ -57,7 +57,7 @@ class ShownTerms(Record):
         messages = (timeline.samples + timeline.duplicates + timeline.out_of_order
                     + timeline.rejected)
         rate = timeline.sample_rate_hz
-        record_s = rest_s(timeline, sum(span.duration_s for span in timeline.motion))
+        record_s = timeline.rest_s
         if rate and messages > self.messages:
             added = (record_s - self.record_s) * rate
             # If fewer become part of the record, waiting is of no use.
@@ -96,9 +96,3 @@ class ShownTerms(Record):
         # Allow for random variation by a quarter.
         steady = now_s + wait_s <= 1.25 * min(end_s for _, end_s in looks)
         return wait_s if self._growing and known and steady else None
-
-
-def rest_s(timeline: Timeline, moved_s: float) -> float:
-    """Return the seconds of samples in use, without gaps and motion; 0 if the rate is unknown."""
-    rate = timeline.sample_rate_hz
-    return max(timeline.samples / rate - moved_s, 0.0) if rate else 0.0

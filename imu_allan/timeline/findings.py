@@ -98,9 +98,6 @@ def _figures(memory: Memory) -> Figures:
             'clock': clock, 'hidden_share': decision.pace.hidden if hidden else None,
             'density_high_share': hidden or None,
             'rate_error_share': _short_error(counts, decision) or None}
-    if counts.gaps > len(counts.listed_gaps):
-        figures['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
-                                      'listed': len(counts.listed_gaps)}
     places = counts.samples + counts.interpolated
     # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
     if counts.interpolated > 0.05 * places:
@@ -220,8 +217,6 @@ def _motion_figures(motion: MotionSummary) -> Figures:
             'durations_s': [lasts for _, lasts in named]}
     elif motion.cut.count:
         figures['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
-    if motion.cut.count > len(motion.cut.listed):
-        figures['motion_not_listed'] = {'listed': len(motion.cut.listed)}
     if motion.changes:
         figures['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
                                           'ratios': [ratio for _, ratio in motion.changes]}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Span, Timeline
+from imu_allan.result import Span, Timeline, Total
 from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
 from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
@@ -105,7 +105,11 @@ def summarize(memory: Memory) -> TimelineSummary:
             missing=counts.missing, duplicates=counts.duplicates,
             out_of_order=counts.out_of_order, rejected=counts.rejected,
             gaps=tuple(Span(*gap) for gap in counts.listed_gaps),
-            motion=tuple(Span(*span) for span in motion.cut.listed)),
+            motion=tuple(Span(*span) for span in motion.cut.listed),
+            all_gaps=Total(counts.gaps, counts.gaps_ns / SECOND)
+            if counts.gaps > len(counts.listed_gaps) else None,
+            all_motion=Total(motion.cut.count, motion.cut.total_s)
+            if motion.cut.count > len(motion.cut.listed) else None),
         clock=None if decision.counted_only else decision.clock,
         frame_id=decision.frame_id,
         start_time=start,

@@ -19,7 +19,7 @@ from imu_allan.node.run import fitted, Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
 from imu_allan.node.state_file import decode_state, encode_state
-from imu_allan.result import Coefficient, GoodnessOfFit, Timeline, Tone, TurnOnBias
+from imu_allan.result import Coefficient, GoodnessOfFit, Span, Timeline, Tone, TurnOnBias
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -95,7 +95,7 @@ def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(
 
 
 def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_the_result(result):
-    found = [finding('gaps_not_listed', listed=1000, gaps=2000, gaps_s=200.0),
+    found = [finding('motion', count=2, excluded_s=200.0),
              *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
                for letter in 'xy'), finding('frozen', messages=20, since_s=3.0)]
     result = with_words(replace(
@@ -220,7 +220,8 @@ def test_progress_is_reported_every_minute_and_later_every_hour(heard):
              '60 s')
     assert heard.lines[0] == f'info 6,000 samples at 100 Hz in 60 s; {shown}'
     # What has come since the fit counts, with the motion in it.
-    assert progress_line(result, Timeline(100.0, 9000, 90.0), 20.0) == (
+    moved = Timeline(100.0, 9000, 90.0, motion=(Span(10.0, 20.0),))
+    assert progress_line(result, moved) == (
         f'9,000 samples at 100 Hz in 90 s, 70 s of it at rest; {shown}')
     assert progress_line(replace(result, axes={}), result.timeline) == (
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')

@@ -84,6 +84,17 @@ def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving
     assert places[0] >= moving_s * rate_hz
 
 
+def test_motion_is_no_rest_though_it_is_not_listed(monkeypatch):
+    monkeypatch.setattr('imu_allan.timeline.motion.LISTED_SPANS', 2)
+    block = still(60_000)
+    for knock in range(5000, 60_000, 10_000):
+        block.samples[knock:knock + 20] += 50 * SIGMA
+    summary, even = run(block)
+    timeline = summary.timeline
+    assert (len(timeline.motion), timeline.all_motion.count) == (2, 6)
+    assert timeline.rest_s == pytest.approx(sum(map(len, even)) / 100.0, rel=1e-6)
+
+
 def test_kept_motion_stays_and_is_reported():
     block = still(12_000)
     assert not run(block, motion='keep')[0].remarks
