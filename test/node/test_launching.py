@@ -46,12 +46,9 @@ def taking(kind, *positional, **keywords):
 DeclareLaunchArgument = taking('DeclareLaunchArgument', 'name', default_value=None,
                                description='', choices=None)
 FindPackageShare = taking('FindPackageShare', 'package')
-IncludeLaunchDescription = taking('IncludeLaunchDescription', 'source', launch_arguments=())
 LaunchDescription = taking('LaunchDescription', 'entities')
 OpaqueFunction = taking('OpaqueFunction', function=None)
 ParameterValue = taking('ParameterValue', 'value', value_type=None)
-PythonLaunchDescriptionSource = taking('PythonLaunchDescriptionSource', 'location')
-ThisLaunchFileDir = taking('ThisLaunchFileDir')
 
 
 @dataclass
@@ -96,11 +93,9 @@ def command(node, folder):
 MODULES = {
     'launch': {'LaunchContext': LaunchContext, 'LaunchDescription': LaunchDescription},
     'launch.actions': {kind.__name__: kind for kind in (
-        DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction)},
-    'launch.launch_description_sources': {
-        'PythonLaunchDescriptionSource': PythonLaunchDescriptionSource},
+        DeclareLaunchArgument, OpaqueFunction)},
     'launch.substitutions': {kind.__name__: kind for kind in (
-        LaunchConfiguration, PathJoinSubstitution, ThisLaunchFileDir)},
+        LaunchConfiguration, PathJoinSubstitution)},
     'launch_ros': {}, 'launch_ros.actions': {'Node': Node},
     'launch_ros.parameter_descriptions': {'ParameterValue': ParameterValue},
     'launch_ros.substitutions': {'FindPackageShare': FindPackageShare}}
@@ -172,32 +167,21 @@ def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(tmp_
     assert words[:3] == ['--ros-args', '--log-level', 'info']
     assert '__ns:=/' in words
     assert str(ROOT / 'config' / 'imu_allan.yaml') in words
-    # What is empty is not set: the file would be overruled.
+    # What is not given is not set: the file would be overruled.
     assert yaml.safe_load((tmp_path / 'launch_params_1.yaml').read_text()) == {
         '/**': {'ros__parameters': {'use_sim_time': False}}}
     # It saves before it ends, which takes longer than launch waits by default.
     assert (node.respawn, node.sigterm_timeout, node.sigkill_timeout) == (True, '30', '30')
 
 
-@pytest.mark.parametrize(('file', 'given', 'line'), [
-    ('imu_allan', {'params_file': '/no/such'}, 'params_file /no/such: no such file'),
-    ('several_imus', {'imus': 'front'},
-     "imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu"),
-    ('several_imus', {'imus': 'front=/a front=/b'}, 'imus: two IMUs in the namespace front')])
-def test_a_missing_file_or_a_wrong_list_ends_the_launch(file, given, line):
-    with refused(line, RuntimeError):
-        launched(file, **given)
+def test_a_missing_file_ends_the_launch():
+    with refused('params_file /no/such: no such file', RuntimeError):
+        launched('imu_allan', params_file='/no/such')
 
 
-def test_each_imu_of_a_list_has_a_node_a_topic_and_a_state_file_of_its_own():
-    included = launched('several_imus', state_dir='/var/lib/robot',
-                        imus='front=/front/imu a/rear=/rear/imu/data_raw')
-    assert [each.source.location[1:] for each in included] == [['/imu_allan.launch.py']] * 2
-    assert [dict(each.launch_arguments) for each in included] == [
-        {'namespace': 'front', 'imu_topic': '/front/imu',
-         'state_file': '/var/lib/robot/front.state'},
-        {'namespace': 'a/rear', 'imu_topic': '/rear/imu/data_raw',
-         'state_file': '/var/lib/robot/a_rear.state'}]
+def test_an_empty_state_file_reaches_the_node_which_then_keeps_none():
+    [node] = launched('imu_allan', state_file='')
+    assert node.parameters[1] == {'use_sim_time': False, 'state_file': ''}
 
 
 def test_the_demo_hands_its_arguments_to_the_simulator():
