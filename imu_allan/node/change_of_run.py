@@ -116,6 +116,9 @@ class Runs:
             topic.publisher = publisher
         # Until the publisher in use has been silent for this long, any other one is a stranger.
         alone_ns = 2_000_000_000
+        if topic.heard_ns - last_ns > alone_ns:
+            # The clock of the computer was set back.
+            topic.heard_ns = int(blocks[0].receive_ns[0])
         if publisher == topic.publisher:
             topic.heard_ns = last_ns
             if topic.holding != publisher and not self._wants_look(topic, blocks):
@@ -125,7 +128,7 @@ class Runs:
             topic.pass_over(blocks)
             return
         if topic.holding not in (None, publisher):
-            silent = last_ns - int(topic.held[-1].receive_ns[-1]) > alone_ns
+            silent = abs(last_ns - int(topic.held[-1].receive_ns[-1])) > alone_ns
             if not silent and topic.publisher not in (publisher, topic.holding):
                 topic.pass_over(blocks)
                 return

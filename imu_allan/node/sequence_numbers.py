@@ -45,7 +45,7 @@ class Publishers:
     def delivering(self, now_ns: int) -> int:
         """Count the publishers that send now; a driver that has restarted counts once."""
         # A publisher that has sent nothing for five seconds counts as gone.
-        lately = [one for one in self._known if now_ns - one.last_ns < 5_000_000_000]
+        lately = [one for one in self._known if abs(now_ns - one.last_ns) < 5_000_000_000]
         newest = max((one.began_ns for one in lately), default=0)
         return sum(2 if one.fell_ns is not None else 1 for one in lately
                    if one.last_ns >= newest)
@@ -54,6 +54,7 @@ class Publishers:
         """Return the publisher of each message, `MIXED` if unknown, and how many were lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
+        self._follow_clock(int(receive_ns[0]))
         if numbers is None:
             only = self._unnumbered(int(receive_ns[0]))
             only.last_ns = int(receive_ns[-1])
@@ -70,6 +71,14 @@ class Publishers:
             keys.append(MIXED if one.fell_ns is not None else one.key)
             lost += missed
         return np.array(keys, np.int64), lost
+
+    def _follow_clock(self, now_ns: int) -> None:
+        """If the clock of the computer was set back, move earlier times to before that."""
+        ahead_ns = max((one.last_ns for one in self._known), default=now_ns) - now_ns
+        if ahead_ns > _TAKEOVER_NS:
+            for one in self._known:
+                one.began_ns -= ahead_ns + _TAKEOVER_NS
+                one.last_ns -= ahead_ns + _TAKEOVER_NS
 
     def _sender(self, number: int, now_ns: int) -> tuple[_Publisher, int]:
         """Find who sent a message, and how many of its earlier messages were lost."""

@@ -68,7 +68,7 @@ class Thermometer:
                            'the IMU')
 
     def take(self) -> None:
-        """Take the waiting readings; count messages that are no Temperature as malformed."""
+        """Take the waiting readings, without messages that are no Temperature."""
         if self._subscription is None:
             return
         batch = self._subscription.take()
@@ -78,8 +78,8 @@ class Thermometer:
             try:
                 message = deserialize_message(content, Temperature)
             except Exception:
-                # The middleware may raise any exception for bytes that are no message.
-                self._facts.malformed += 1
+                # The middleware may raise any exception for bytes that are no message. They are no
+                # temperature either, which is reported.
                 continue
             stamp = message.header.stamp
             header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec

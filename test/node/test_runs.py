@@ -181,6 +181,13 @@ def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop():
     assert [remark.code for remark in world.summaries()[0].remarks] == ['clock_jumps']
 
 
+def test_a_driver_that_restarts_after_the_system_clock_was_set_back_goes_on(world):
+    later = at_rest(6000, start_s=PROVEN_S, seed=2)
+    world.comes(replace(later, receive_ns=later.receive_ns - 3600 * SECOND), publisher=2)
+    assert (world.samples, world.facts[0].mixed_samples) == (PROVEN_S * RATE_HZ + 6000, 0)
+    assert not world.replaced
+
+
 @pytest.mark.parametrize('count', [10, 3000])
 def test_another_imu_behind_a_restart_begins_a_new_run_and_few_samples_do_no_harm(world, count):
     world = World(resumed(world.runs.run))
@@ -342,6 +349,8 @@ def stream(first, count, start_s):
     # The first messages may come before it is discovered.
     pytest.param([(stream(1, 4000, 0.0), [1], 0, 1), (stream(1, 4000, 20.5), [2], 0, 1),
                   (stream(300, 4000, 41.0), [3], 0, 1)], id='a driver that starts anew'),
+    pytest.param([(stream(1, 4000, 3600.0), [1], 0, 1), (stream(1, 8000, 5.0), [2], 0, 1)],
+                 id='a driver that starts anew after the clock was set back'),
     # In parts, one of which ends where the first driver has ended.
     pytest.param([(stream(1, 100, 0.0), [1], 0, 1), *(
         (stream(1 + 50 * part, 50, 3.0 + 0.25 * part), [2], 0, 1) for part in range(8))],
