@@ -20,7 +20,6 @@ from imu_allan.node.same_imu import (
     FEWEST_MESSAGES,
     in_parts,
     Known,
-    LONGEST_LOOK_S,
     LOOK_S,
     messages,
 )
@@ -41,13 +40,7 @@ class _Topic:
     elsewhere: bool = False  # its messages are from another IMU than that of the run
     held: list[ImuBlock] = field(default_factory=list)  # messages whose IMU is not known yet
     holding: int | None = None  # publisher of the held messages
-    looked_s: float = 0.0  # samples of the other IMU since its identity was last checked
     strangers: set[int] = field(default_factory=set)  # other publishers, heard beside this one
-
-    @property
-    def by_level(self) -> bool:
-        """Whether the noise level is also used to identify the IMU of the held messages."""
-        return self.holding != self.publisher or self.elsewhere
 
     def pass_over(self, blocks: Sequence[ImuBlock]) -> None:
         """Discard messages of an unknown or another publisher, and count them."""
@@ -137,11 +130,7 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        # A new publisher is recognized by its noise level, which takes more messages. The first
-        # one after a restart waits for them only if a crash may lose that much.
-        first = topic.publisher is None and self._look_s() < LOOK_S
-        if self._known(topic).suffices(topic.held, self._look_s(), by_level=topic.by_level,
-                                       few=first or publisher == topic.publisher):
+        if self._known(topic).suffices(topic.held, self._look_s()):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -158,14 +147,12 @@ class Runs:
 
     def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
         lane = self._run_of(topic).lanes[topic.number]
-        # What seems another sensor by its noise may be the same one, shaken for a while.
-        return ((topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S)
-                or lane.leaves_out_all or lane.known.may_be_another(blocks))
+        return lane.leaves_out_all or lane.known.may_be_another(blocks)
 
     def _decide(self, topic: _Topic) -> None:
         """Give the held messages to the run of their IMU."""
-        held, publisher, by_level = topic.held, topic.holding, topic.by_level
-        topic.held, topic.holding, topic.looked_s = [], None, 0.0
+        held, publisher = topic.held, topic.holding
+        topic.held, topic.holding = [], None
         topic.facts.on_probation = False
         if messages(held) < FEWEST_MESSAGES:
             # Too few to identify the IMU.
@@ -182,13 +169,9 @@ class Runs:
         was, topic.publisher = topic.publisher, publisher
         topic.heard_ns = int(held[-1].receive_ns[-1])
         lane = self.run.lanes[topic.number]
-        why = lane.known.mismatch(held, by_level=by_level)
+        why = lane.known.mismatch(held)
         if why is not None:
-            self._give_to_another_run(topic, why, held, by_level, is_new)
-            return
-        if topic.elsewhere and not is_new and lane.known.is_louder_or_calmer(self._known(topic)):
-            # Too few to show a difference, but no publisher has replaced that of the other IMU.
-            self._feed(topic, held)
+            self._give_to_another_run(topic, why, held, is_new)
             return
         if topic.elsewhere:
             topic.elsewhere = False
@@ -208,11 +191,11 @@ class Runs:
         return bool(there and known.publishers) and there.isdisjoint(known.publishers)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
-                             by_level: bool, is_new: bool) -> None:
+                             is_new: bool) -> None:
         """Give messages to the run of the other IMU, or to a new run if they are not from it."""
         number = topic.number
-        other = next((run for run in self._others if run.lanes[number].known.mismatch(
-            held, by_level=by_level) is None), None)
+        other = next((run for run in self._others
+                      if run.lanes[number].known.mismatch(held) is None), None)
         is_latest = other is not None and other is self._others[0]
         if other is None:
             other = new_run(self._setup)
@@ -244,7 +227,6 @@ class Runs:
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
         if topic.elsewhere:
-            topic.looked_s += lane.known.lasted_s(blocks)
             if run.span_s >= self._proof_s():
                 self._replace()
         elif self._any_elsewhere:

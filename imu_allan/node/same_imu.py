@@ -3,14 +3,13 @@
 """
 Decide whether incoming messages belong to the IMU of the current run.
 
-An IMU is recognized by its frame_id, by the rate of its messages and, if another publisher sends
-them, by its noise level.
+An IMU is recognized by its frame_id and by the rate of its messages.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array, Ints
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.node.state_file import UnusableState
 from imu_allan.state import Record
@@ -28,10 +27,6 @@ FEWEST_MESSAGES = 16
 """A jitter of half an interval changes the measured rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
 """10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by this many messages sooner."""
-_GROUP = 32
-"""Samples per group; each group gives one noise level."""
-_FEWEST_GROUPS = 4
-"""With fewer groups their scatter cannot be estimated. Chosen by judgment."""
 
 
 @dataclass
@@ -42,27 +37,17 @@ class Known(Record):
     clock: str | None = None  # stamps that the rate is measured by
     rate_hz: float | None = None  # of messages: if the sensor is polled, above that of samples
     is_sure: bool = False  # whether `rate_hz` is final
-    levels: Array = field(default_factory=lambda: np.empty((0, 6)))
     # GIDs of the publishers of the topic since its driver was started.
     publishers: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._recent: list[ImuBlock] = []
-        self._ungrouped = np.empty((0, 6))
 
     def see(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages of this IMU."""
         if self.frame_id is None:
             self.frame_id = blocks[0].frame_id
-        own = [block for block in blocks if block.frame_id == self.frame_id]
-        if own:
-            # At 100 Hz fewer samples come at a time than a group has.
-            samples = _changes(own, after=self._ungrouped)
-            levels = _levels(samples)
-            self._ungrouped = samples[len(levels) * _GROUP:].copy()
-            # 20 s at 200 Hz.
-            self.levels = np.concatenate([self.levels, levels])[-128:]
-            self._recent += own
+        self._recent += [block for block in blocks if block.frame_id == self.frame_id]
         # The rate of 400 messages is known to 1 %; a slow sensor takes longer for them.
         while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES or (
                 self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S
@@ -116,7 +101,7 @@ class Known(Record):
                 return True
         return False
 
-    def mismatch(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
+    def mismatch(self, blocks: Sequence[ImuBlock]) -> UnusableState | None:
         """Return why messages are not from this IMU; None if they may be."""
         frame_id = blocks[-1].frame_id
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
@@ -125,34 +110,18 @@ class Known(Record):
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
-        ratio = self._level_ratio(_levels(_changes(blocks)), 5.0) if by_level else None
-        if ratio is not None:
-            return UnusableState('noise', 'another publisher sends messages whose noise is '
-                                 f'{ratio:.2f} times as large, as another sensor would')
         return None
 
-    def is_louder_or_calmer(self, other: 'Known') -> bool:
-        """Return whether the noise levels known so far of both IMUs differ."""
-        return self._level_ratio(other.levels, 5.0) is not None
-
-    def suffices(self, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
-                 few: bool) -> bool:
-        """
-        Return whether there are enough messages to decide if they are from this IMU.
-
-        If `few` do not suffice, there have to be enough to compare their noise level.
-        """
+    def suffices(self, blocks: Sequence[ImuBlock], seconds: float) -> bool:
+        """Return whether there are enough messages to decide if they are from this IMU."""
         count, lasted = messages(blocks), self.lasted_s(blocks)
-        samples = _changes(blocks)
         if count >= _MOST_MESSAGES:
             return True
         if count < FEWEST_MESSAGES or lasted < seconds:
             return False
         # A small difference may be random, or hide a real one; jitter does not cause 30 %.
-        by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3 or (
-            by_level and self._level_ratio(_levels(samples), 2.0) is not None)
-        fewest = FEWEST_MESSAGES if few else _FEWEST_GROUPS * _GROUP + 1
-        return lasted >= LONGEST_LOOK_S or (len(samples) >= fewest and not by_chance)
+        by_chance = 0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < 0.3
+        return lasted >= LONGEST_LOOK_S or not by_chance
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the seconds that messages span by stamps or by receive times, the longer one."""
@@ -173,25 +142,6 @@ class Known(Record):
         measured = self.measured_hz(blocks) if self.rate_hz else 0.0
         # Compares intervals, as the timeline does.
         return abs(self.rate_hz / measured - 1) if measured and self.rate_hz else 0.0
-
-    def _level_ratio(self, levels: Array, sure: float) -> float | None:
-        """Return the ratio to the known noise, if they differ by `sure` standard errors."""
-        changes, errors = [], []
-        for axis, groups in enumerate(levels.T):
-            before, error_before = _level_at_rest(self.levels[:, axis])
-            now, error_now = _level_at_rest(groups)
-            if before > 0 and now > 0:
-                changes.append(now / before - 1)
-                errors.append(np.hypot(error_before, error_now) / before)
-        if changes:
-            # One axis may differ, or all of them by less than each shows alone.
-            weights = np.array(errors)**-2.0
-            changes.append(float(np.average(changes, weights=weights)))
-            errors.append(float(weights.sum()**-0.5))
-        # The noise of one sensor varies by a tenth from day to day. Chosen by judgment.
-        found = [change for change, error in zip(changes, errors, strict=True)
-                 if abs(change) > max(0.1, sure * error)]
-        return 1 + max(found, key=abs) if found else None
 
     def _stamps(self, blocks: Sequence[ImuBlock]) -> Ints:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
@@ -217,32 +167,3 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
                 part = []
     if part:
         yield part
-
-
-def _changes(blocks: Sequence[ImuBlock], after: Array | None = None) -> Array:
-    """Join samples without those of a polled sensor that repeat the one before."""
-    before = np.empty((0, 6)) if after is None else after
-    samples = np.concatenate([before, *(block.samples for block in blocks)])
-    changed = np.ones(len(samples), bool)
-    changed[1:] = (samples[1:] != samples[:-1]).any(axis=1)
-    return samples[changed]
-
-
-def _levels(samples: Array) -> Array:
-    """Return the mean absolute step between samples, by groups of 32 and axis, shape (g, 6)."""
-    with np.errstate(over='ignore', invalid='ignore'):
-        steps = np.abs(np.diff(samples, axis=0))
-        whole = len(steps) // _GROUP * _GROUP
-        return np.asarray(steps[:whole].reshape(-1, _GROUP, 6).mean(axis=1))
-
-
-def _level_at_rest(groups: Array) -> tuple[float, float]:
-    """Return the mean level at rest and its standard error, infinite for too few groups."""
-    groups = groups[np.isfinite(groups) & (groups > 0)]
-    if len(groups) < _FEWEST_GROUPS:
-        return 0.0, np.inf
-    # Higher levels are from motion or knocks.
-    calm = groups[groups < 2.0 * np.percentile(groups, 10)]
-    # The level of 32 samples varies by a seventh, though a few may be closer by chance.
-    spread = max(calm.std(), 0.14 * calm.mean())
-    return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

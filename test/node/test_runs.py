@@ -149,15 +149,8 @@ def test_other_rates_for_some_seconds_end_no_run(world):
         (1200, 0, 1, {}), (30, 1203, 2, {'frame_id': 'other'}), (30, 1268, 3, {}),
         (30, 1301, 4, {'rate_hz': 40.0}), (30, 1366, 5, {})], [], 25_200,
         id='strangers for some seconds'),
-    pytest.param(100.0, 100, [
-        (600, 0, 1, {}), (20, 605, 2, {'noise': 3 * NOISE}), (20, 625, 2, {}), (20, 645, 2, {})],
-        [], 64_000, id='shaken while its driver starts'),
-    # It has to last for a minute, within which it is looked at several times.
-    pytest.param(100.0, 50, [(600, 0, 1, {}), (100, 605, 2, {'noise': 1.2 * NOISE})], ['noise'],
-                 10_000, id='another noise'),
-    pytest.param(20.0, 10, [(90, 0, 1, {}), (60, 95, 2, {'noise': 1.2 * NOISE})], ['noise'], 1200,
-                 id='another noise at a low rate')])
-def test_an_imu_is_known_by_its_rate_frame_and_noise(rate_hz, together, comes, reasons, samples):
+])
+def test_an_imu_is_known_by_its_rate_and_frame(rate_hz, together, comes, reasons, samples):
     world = World()
     for seed, (seconds, start_s, publisher, other) in enumerate(comes):
         last = {'rate_hz': rate_hz, **other}
@@ -169,6 +162,14 @@ def test_an_imu_is_known_by_its_rate_frame_and_noise(rate_hz, together, comes, r
     last = last if reasons else {'rate_hz': rate_hz}
     assert_density(result_of(world.runs.run).to_dict(), last['rate_hz'],
                    last.get('noise', NOISE))
+
+
+def test_another_imu_of_the_same_frame_and_rate_is_a_change_of_noise():
+    world = World()
+    world.comes(at_rest(60_000))
+    world.comes(at_rest(30_000, start_s=605.0, seed=2, noise=1.2 * NOISE), publisher=2)
+    assert (world.samples, world.replaced) == (90_000, [])
+    assert 'not_steady' in {finding.code for finding in result_of(world.runs.run).warnings}
 
 
 def test_a_clock_that_steps_is_the_same_imu_and_no_recording_in_a_loop():
