@@ -80,7 +80,6 @@ CODES: Mapping[str, Code] = {
         exponentials=Count, steady_after_s=Seconds, start_s=Seconds | None),
     # the data may not be what it is taken for
     'several_publishers': _act(),
-    'alternating': _act(),
     'several_frames': _act(
         frame_id=Text | None, others=tuple[Text, ...], rejected=tuple[Count, ...]),
     'rate_changed': _act(

@@ -293,20 +293,11 @@ WORDS: Mapping[str, Words] = {
     # whose messages are these
     'several_publishers': Words(
         'several publishers',
-        'Two sensors share a topic: the rate is twice too high, and N wrong by any factor.',
+        'If two sensors share the topic, the rate is twice too high, and N wrong by any factor.',
         'Neighbouring values differ in turn.',
-        says='neighbouring messages differ in turn, as those of two sensors that publish with one '
-             'frame_id do',
-        do='find them with ros2 topic info --verbose, and record each alone',
-        live='give every IMU a topic of its own',
-        brief='two sensors share the topic'),
-    'alternating': Words(
-        'values in turn',
-        'If two sensors share the topic, the rate is twice too high and N is wrong.',
-        'Means of neighbouring messages differ in turn.',
-        says='the values of neighbouring messages differ in turn: a vibration at half the message '
-             'rate, or two sensors that publish with one frame_id',
-        do='see with ros2 topic info --verbose whether there are two publishers',
+        says='neighbouring messages differ in turn: two sensors that publish with one frame_id, '
+             'or a vibration at half the message rate',
+        do='look with ros2 topic info --verbose for two publishers, and record each alone',
         live='give every IMU a topic of its own',
         brief='perhaps two sensors share the topic'),
     'several_frames': Words(

@@ -92,7 +92,7 @@ SAID = [
             start_s=1800.0, time_constant_factor=1.1, exponentials=2, steady_after_s=1800.0),
     finding('warm_up', GYRO, amplitude=0.02, unit='rad/s', time_constant_s=600.0,
             time_constant_factor=7.0, exponentials=1, steady_after_s=1800.0),
-    finding('several_publishers'), finding('alternating'),
+    finding('several_publishers'),
     finding('several_frames', frame_id='imu_link', others=['base_link'], rejected=[2000]),
     finding('rate_changed', from_hz=100.0, to_hz=50.0, at_s=300.0, left_out=20_000,
             most_left_out=False),

@@ -256,7 +256,7 @@ class Characterization:
         if summary.mostly_motion and self._memory.kind == 'recording':
             # Two sensors on one topic look like one that moves.
             mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
-                     'the publishers' if any(remark.code in ('several_publishers', 'alternating')
+                     'the publishers' if any(remark.code == 'several_publishers'
                                              for remark in summary.remarks) else '')
             raise ImuAllanError(
                 f'{self.place}: the IMU moves during most of the recording. Record it at rest, '

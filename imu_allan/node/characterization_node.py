@@ -10,12 +10,13 @@ the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, wait
 from threading import RLock
 import time
 from typing import Any
 
 from imu_allan.block import Half
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.change_of_run import Runs
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.interface import CHARACTERIZATION, TOPIC
@@ -28,7 +29,6 @@ from imu_allan.node.reception import QUEUE_MESSAGES, Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.run import Run, Setup
 from imu_allan.node.same_imu import LOOK_S
-from imu_allan.node.service_calls import ServiceCalls
 from imu_allan.node.state_file import UnusableState
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
@@ -112,10 +112,9 @@ class CharacterizationNode(AnyExecutorNode):
             for reception in self._receptions],
             lambda: min(LOOK_S, values['checkpoint_period'] / 2), self._leave, self._log)
 
-        self._calls = ServiceCalls(self)
-        self._calls.offer(Trigger, '~/save', self._save)
-        self._calls.offer(Trigger, '~/reset', self._reset)
-        self._calls.offer(SetBool, '~/pause', self._pause)
+        self.create_service(Trigger, '~/save', self._save)
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(SetBool, '~/pause', self._pause)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
@@ -176,18 +175,21 @@ class CharacterizationNode(AnyExecutorNode):
     # -- one tick: take samples, start what is due, deliver what is finished ---------------------
 
     def _on_timer(self) -> None:
-        try:
-            period_ns = round(self._tick() * 1e9)
-        except RCLError:
-            # Another thread of an executor may shut ROS down in the meantime.
-            if self.context.ok():
-                raise
-            return
-        if period_ns != self._timer.timer_period_ns:
+        period_ns = round(self._tick() * 1e9)
+        if self.context.ok() and period_ns != self._timer.timer_period_ns:
             self._timer.timer_period_ns = period_ns
 
     def _tick(self) -> float:
         """Do what is due; return the time until the next tick."""
+        try:
+            return self._do_what_is_due()
+        except RCLError:
+            # Another thread of an executor may shut ROS down in the meantime.
+            if self.context.ok():
+                raise
+            return TICK_S
+
+    def _do_what_is_due(self) -> float:
         with self._lock:
             now = time.monotonic()
             count = self._catch_up(now)
@@ -243,17 +245,16 @@ class CharacterizationNode(AnyExecutorNode):
 
     # -- services -------------------------------------------------------------------------------
 
-    async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self._catch_up(time.monotonic())
             future = self._storage.save(self._run)
-        failure = await self._calls.failure(future)
-        response.success = failure is None
-        response.message = ('\n'.join(map(str, future.result())) if failure is None else
-                            failure)
+        failure = self._failure(future)
+        response.success = not failure
+        response.message = failure or '\n'.join(map(str, future.result()))
         return response
 
-    async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self._take(time.monotonic())
             for reception in self._receptions:
@@ -264,15 +265,13 @@ class CharacterizationNode(AnyExecutorNode):
             self._fitting.fit(self._run)
             future = self._storage.checkpoint(self._run)
         response.success, response.message = True, 'a new run has begun'
-        failure = None if future is None else await self._calls.failure(future)
-        if failure is not None:
+        if future is not None and (failure := self._failure(future)):
             response.success = False
             response.message += f', but {failure}'
         self._log.info(response.message, 'reset')
         return response
 
-    async def _pause(self, request: SetBool.Request, response: SetBool.Response
-                     ) -> SetBool.Response:
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._lock:
             self._catch_up(time.monotonic())
             changes = request.data != self._facts.paused
@@ -284,6 +283,16 @@ class CharacterizationNode(AnyExecutorNode):
         if changes:
             self._log.info(response.message)
         return response
+
+    def _failure(self, future: 'Future[Any]') -> str:
+        """Wait for the worker while samples are taken; return what went wrong, if anything."""
+        wait_s = 0.0
+        while not wait([future], wait_s).done:
+            with self._lock:
+                # `finish`, in another thread, may have waited for it, too.
+                wait_s = 0.0 if future.done() else self._tick()
+        error = future.exception()
+        return '' if error is None else printable(error)
 
     # -- the end --------------------------------------------------------------------------------
 

@@ -91,10 +91,6 @@ def reception_conditions(facts: Facts) -> list[Condition]:
     topic, recent, thermometer = facts.topic, facts.recent, facts.temperature_topic
     lately = f'in the last {RECENT_S:.0f} s'
     return [
-        Condition('namesakes', facts.namesakes > 0, ERROR,
-                  'another node has the same name: their topics and services cannot be kept '
-                  'apart; start one of them with another name',
-                  'no other node has the same name any more'),
         Condition('mixed', facts.mixed, ERROR,
                   f'the messages on {topic} are of more than one publisher: they are passed over',
                   f'the messages on {topic} are of one publisher again; call ~/reset if it is '
@@ -117,8 +113,8 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'every message on {topic} can be decoded again; '
                   f'{counted(facts.malformed, "message")} could not be in all'),
         Condition('lost', recent['lost'] > 0, WARN,
-                  f'{counted(recent["lost"], "message")} on {topic} lost {lately}: '
-                  f'{_cause_of_loss(facts)}',
+                  f'{counted(recent["lost"], "message")} on {topic} lost {lately}: ask for '
+                  'reliable delivery with qos_overrides, and for a depth of 2.5 s of messages',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
         Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
         Condition('thermometer missing', facts.temperature_missing, WARN,
@@ -132,16 +128,6 @@ def reception_conditions(facts: Facts) -> list[Condition]:
 
 def _were(count: int) -> str:
     return f'{count:,} {"was" if count == 1 else "were"}'
-
-
-def _cause_of_loss(facts: Facts) -> str:
-    """Describe where messages were lost, and the remedy."""
-    if facts.recent['overrun']:
-        return (f'the queue of {counted(facts.queue, "message")} is too short for what comes '
-                f'between two looks; leave qos_overrides.{facts.topic}.subscription.depth out, '
-                'or set it to 2.5 s of messages')
-    return ('on the way, between publisher and node; ask for reliable delivery with '
-            'qos_overrides')
 
 
 def _reception(facts: Facts) -> Status:

@@ -13,6 +13,7 @@ from imu_allan.finding_messages import for_display, message_of, title_of
 from imu_allan.node.diagnostics import (
     Condition,
     reception_conditions,
+    SILENT_S,
     timeline_conditions,
     waiting_for,
     WARN,
@@ -24,9 +25,6 @@ from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
 
-PAUSE_S = 1.0
-"""Pauses longer than this are reported: longer than a Wi-Fi dropout, shorter than a driver takes
-to start. Chosen by judgment."""
 REPEAT_S = 30.0
 """Shortest time between repeated warnings about a condition that comes and goes."""
 
@@ -58,12 +56,9 @@ class LogOfChanges:
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts) -> None:
-        """Report publishers that appear or leave, lost messages, and messages after a pause."""
+        """Report publishers that appear or leave, lost messages, and silence."""
         self._overrun = facts.recent['overrun'] > 0
         self._see('reception', reception_conditions(facts))
-        if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
-            self._log.info(f'messages come on {self._topic} again after {facts.pause_s:.0f} s '
-                           'without', f'pause {self._topic}')
         why = facts.silence_why
         if why is None:
             self._silence = ''
@@ -143,7 +138,7 @@ class LogOfChanges:
             return
         self._progress_s = now - self.began
         self._log.info(progress_line(result, facts.timeline or result.timeline,
-                                     comes=facts.silent_s < PAUSE_S))
+                                     comes=facts.silent_s < SILENT_S))
 
     def _see_findings(self, where: str, findings: Sequence[Finding]) -> None:
         """Report new findings, and those that few samples showed by chance and more do not."""

@@ -6,14 +6,12 @@ All uses of undocumented internals of rclpy, which may change.
 `test/node/test_rclpy_inside.py` checks that they work, and names what breaks.
 """
 
-import asyncio
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import islice
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import Executor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -46,38 +44,13 @@ def drain(subscription: Subscription, msg_type: type, most: int) -> list[Taken]:
 
 
 class AnyExecutorNode(Node):
-    """A node whose `OutOfWaitSet` and waiting services also work in an EventsExecutor."""
-
-    def __init__(self, name: str, **options: Any) -> None:
-        self._waiting_services: dict[Callable[..., Coroutine[Any, Any, Any]], Any] = {}
-        super().__init__(name, **options)
-
-    def serve_waiting(self, kind: type, name: str,
-                      serve: Callable[..., Coroutine[Any, Any, Any]], **options: Any) -> None:
-        """Offer a service whose coroutine an executor may suspend and resume."""
-        self._waiting_services[serve] = self.create_service(kind, name, serve, **options)
+    """A node whose `OutOfWaitSet` also works in an EventsExecutor."""
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
         """Those for the executor to take from; an EventsExecutor ignores callback groups."""
         return (one for one in super().subscriptions
                 if not isinstance(one.callback_group, OutOfWaitSet))
-
-    @property
-    def executor(self) -> Executor | None:
-        """Return the executor that spins the node."""
-        return super().executor
-
-    @executor.setter
-    def executor(self, executor: Executor | None) -> None:
-        Node.executor.fset(self, executor)  # type: ignore[attr-defined]
-        for serve, service in self._waiting_services.items():
-            # The EventsExecutor of Jazzy does not await the coroutine that a service returns.
-            service.callback = serve if isinstance(executor, Executor) else partial(_run, serve)
-
-
-def _run(serve: Callable[..., Coroutine[Any, Any, object]], *asked: object) -> object:
-    return asyncio.run(serve(*asked))
 
 
 def given_parameters(node: Node) -> Mapping[str, Any]:

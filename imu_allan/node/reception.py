@@ -47,7 +47,6 @@ class Reception:
         self._seen = 0
         self._passed_over = 0
         self._mixed_until = 0.0
-        self._received_ns = 0
         self.last_take = self.last_message = 0.0
 
     def take(self, now: float) -> int:
@@ -59,12 +58,7 @@ class Reception:
         self.last_take = now
         if not batch.messages:
             return 0
-        if self._received_ns:
-            # The shorter of the two: the node may have been delayed, or the wall clock set.
-            pause_s = min(now - self.last_message,
-                          float(batch.receive_ns[0] - self._received_ns) * 1e-9)
-            facts.pause_s = max(pause_s, facts.pause_s)
-        self._received_ns, self.last_message = int(batch.receive_ns[-1]), now
+        self.last_message = now
         # Messages that are passed over do not count as lost.
         keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
         facts.lost += lost

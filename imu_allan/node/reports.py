@@ -45,7 +45,6 @@ class Reports:
             if received:
                 reception.facts.cpu_s = (cpu - self._last_cpu) / received
             reception.changes.see_reception(reception.facts)
-            reception.facts.pause_s = 0.0
         self._last, self._last_cpu = now, cpu
         facts = self._receptions[0].facts
         self._receptions[0].changes.see_progress(now, facts, result)
@@ -54,8 +53,6 @@ class Reports:
                          for reception in self._receptions)
         if watched or waited_for or now - self._last_look >= LOOK_S:
             self._last_look = now
-            own = self._node.get_name(), self._node.get_namespace()
-            facts.namesakes = self._node.get_node_names_and_namespaces().count(own) - 1
             topics = [(reception.facts, self._look(now, lane, reception))
                       for reception, lane in zip(self._receptions, run.lanes, strict=True)]
             if watched:

@@ -3,7 +3,7 @@
 """One run: everything that a new run starts afresh, and that is resumed after a crash."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 import secrets
@@ -230,15 +230,9 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
     """Return the saved run, ready to go on; its next sample is unrelated to the last one."""
     try:
         saved = restored(_Saved, part_of(state, 'run'))
-        before = saved.setup
-        if before.topics != setup.topics:
-            raise UnusableState('topic', f'it is of the topic {before.topics}')
-        if before.messages != setup.messages:
-            raise UnusableState('settings', f'its messages were read as {before.messages}, now as '
-                                f'{setup.messages}')
-        if before.options != setup.options:
-            raise UnusableState('settings', 'it was made with other parameters '
-                                f'({_difference(before.options, setup.options)})')
+        if saved.setup != setup:
+            raise UnusableState('settings', f'it was made with other parameters or of another '
+                                f'topic, {saved.setup.topics}')
         run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
         same_boot = bool(saved.boot) and saved.boot == boot_id()
         for number, (lane, kept) in enumerate(zip(run.lanes, saved.lanes, strict=True)):
@@ -281,9 +275,3 @@ def boot_id() -> str:
         return BOOT_ID.read_text().strip()
     except OSError:
         return ''
-
-
-def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:
-    before, after = asdict(saved), asdict(now)
-    return ', '.join(f'{key} {before[key]}, now {after[key]}'
-                     for key in before if before[key] != after[key])

@@ -109,8 +109,7 @@ def _against_reference(result: Result, reference: Result) -> Comparison:
         return Comparison('reference', 'warn', 'cannot tell: the reference has none of these axes')
     departures = [text for axis in shared for text in (
         *_density_departure(axis, result.axes[axis], reference.axes[axis]),
-        *_bias_departure(axis, result, reference),
-        *_line_departures(axis, result.axes[axis], reference.axes[axis]))]
+        *_bias_departure(axis, result, reference))]
     if departures:
         return Comparison('reference', 'warn', '; '.join(departures))
     compared = sum(result.axes[axis].coefficients['noise_density'].ci95 is not None
@@ -141,15 +140,3 @@ def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[st
     if len(errors) == len(apart) and abs(now - before) > sum(errors):
         yield (f'{name}: bias {number(now)} {result.axes[name].unit}, '
                f'{number(before)} in the reference')
-
-
-def _line_departures(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
-    for tone in now.tones:
-        # The speed of a fan or a wheel is no steadier than 3 %.
-        same = [line.amplitude for line in before.tones
-                if abs(line.frequency_hz / tone.frequency_hz - 1) < 0.03]
-        # Lines have no intervals, but their amplitude does not double from one fit to the next.
-        if not same or tone.amplitude > 2.0 * max(same):
-            known = f'{number(max(same))} in the reference' if same else 'none in the reference'
-            yield (f'{name}: a line at {number(tone.frequency_hz)} Hz of '
-                   f'{number(tone.amplitude)} {now.unit}, {known}')

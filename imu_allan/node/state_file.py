@@ -11,13 +11,12 @@ What has the right checksum was written by this package, so its arrays are not c
 import contextlib
 from datetime import datetime, timezone
 import fcntl
+from glob import escape
 import hashlib
 import io
 import os
 from pathlib import Path
-import re
-import stat
-from typing import Any, IO
+from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.interface import at_home
@@ -38,16 +37,6 @@ class UnusableState(Exception):
         self.reason = reason
 
 
-def _open_plain(path: Path, flags: int) -> IO[bytes]:
-    """Open a regular file, created for this user alone; refuse links and never block on a pipe."""
-    handle = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
-    file = os.fdopen(handle, 'rb')
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
-        file.close()
-        raise OSError(None, f'{path.name} is not a regular file')
-    return file
-
-
 def encode_state(state: State) -> bytes:
     """Return the content of a state file."""
     content = io.BytesIO()
@@ -63,9 +52,9 @@ def decode_state(data: bytes) -> State:
         # An interrupted copy may have left the beginning of the name, or nothing.
         reason = 'damaged' if _NAME.startswith(data) else 'foreign'
         raise UnusableState(reason, 'it is not a state file of imu_allan')
-    line, _, rest = data.partition(b'\n')
+    line, newline, rest = data.partition(b'\n')
     version = line[len(_NAME):]
-    if not version.isdigit() or len(version) > 9:
+    if not newline or not version.isdigit() or len(version) > 9:
         raise UnusableState('damaged', 'its first line is damaged')
     if int(version) != VERSION:
         raise UnusableState('newer' if int(version) > VERSION else 'foreign',
@@ -90,8 +79,7 @@ class StateFile:
                 raise ImuAllanError(f'state_file {path}: is a folder, a device or a pipe; name a '
                                     'regular file, or one that is not there yet')
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = _open_plain(self.path.with_name(f'{self.path.name}.lock'),
-                                     os.O_RDWR | os.O_CREAT)
+            self._lock = self.path.with_name(f'{self.path.name}.lock').open('ab')
         except OSError as error:
             raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
                                 'choose a folder that may be written to') from error
@@ -101,7 +89,6 @@ class StateFile:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
                                 'a file of its own') from error
-        self._sweep_up()
 
     def close(self) -> None:
         """Release the lock."""
@@ -112,52 +99,27 @@ class StateFile:
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)
 
-    def thin_out(self) -> list[str]:
-        """Remove the oldest states kept aside if there are too many; return their names."""
-        pattern = re.compile(re.escape(self.path.name) + r'\.[a-z_]+\.(\d{8}T[\d.]+Z)')
-        removed, total = [], 0
-        with contextlib.suppress(OSError):
-            # Their names end with the time.
-            times = {path: match[1] for path in self.path.parent.iterdir()
-                     if (match := pattern.fullmatch(path.name))}
-            aside = sorted(times, key=lambda path: times[path], reverse=True)
-            for number, path in enumerate(aside):
-                total += path.stat().st_size
-                # More than anybody would look at, and as much as a memory card can spare.
-                if number and (number >= 20 or total > 100_000_000):
-                    path.unlink()
-                    removed.append(path.name)
-        return removed
-
-    def _sweep_up(self) -> None:
-        # A process that is killed while saving leaves an unfinished file.
-        leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + '[0-9a-f]{8}')
-        with contextlib.suppress(OSError):
-            for path in self.path.parent.iterdir():
-                if leftover.fullmatch(path.name):
-                    path.unlink()
-
     def load(self) -> State | None:
         """Read the last saved state; return None if there is no file."""
-        # A state has some megabytes; a larger file is no state and is not read into memory.
-        largest = 64_000_000
         try:
-            with _open_plain(self.path, os.O_RDONLY) as file:
-                data = file.read(largest + 1)
+            with self.path.open('rb') as file:
+                # A state has some megabytes; more of what is no state is not read into memory.
+                return decode_state(file.read(64_000_000))
         except FileNotFoundError:
             return None
         except OSError as error:
             raise UnusableState('unreadable', f'it cannot be read ({error.strerror})') from error
-        if len(data) > largest:
-            raise UnusableState('foreign', 'it is too large for a state file of imu_allan')
-        return decode_state(data)
 
     def save(self, state: State) -> None:
         """Replace the saved state."""
         write_atomically(self.path, encode_state(state), private=True)
 
     def keep_aside(self, reason: str) -> Path:
-        """Rename the saved state so that a new run cannot overwrite it, and return its path."""
+        """
+        Rename the saved state so that a new run cannot overwrite it, and return its path.
+
+        Of those that were renamed before, the newest are kept, twenty in all.
+        """
         now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:
@@ -166,4 +128,8 @@ class StateFile:
         except OSError as error:
             raise ImuAllanError(f'{self.path}: cannot be renamed ({error.strerror}); move it '
                                 'away or choose another state_file') from error
+        with contextlib.suppress(OSError):
+            kept = self.path.parent.glob(f'{escape(self.path.name)}.*Z')
+            for path in sorted(kept, key=lambda path: path.name[-len(now):])[:-20]:
+                path.unlink()
         return aside

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Storage of a run: its state, to survive a crash or a reboot, and its result files."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
@@ -15,9 +14,9 @@ from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.facts import Facts
-from imu_allan.node.interface import at_home, DEFAULT_OUTPUT_DIR, DEFAULT_STATE_FILE
+from imu_allan.node.interface import at_home, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
-from imu_allan.node.run import fitted, LaneSnapshot, new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import fitted, new_run, pack, Run, Setup, unpack
 from imu_allan.node.state_file import StateFile, UnusableState
 from imu_allan.node.worker import TooEarly, Worker
 from imu_allan.wording import duration
@@ -37,31 +36,6 @@ def try_folder(output_dir: str) -> None:
             'parameter to a folder that may be written to') from error
 
 
-def other_folders(state_file: Path | None) -> Iterator[str]:
-    """Yield folders to try if the output folder cannot be written to, likeliest first."""
-    if state_file is not None:
-        yield str(state_file.parent)
-    yield DEFAULT_OUTPUT_DIR
-    # Raised if none of the system's folders for temporary files is writable.
-    with suppress(OSError):
-        yield str(Path(tempfile.gettempdir()) / 'imu_allan')
-
-
-@dataclass
-class _NextSave:
-    """The last save requested; `snapshot` is empty once the worker has begun it."""
-
-    of: tuple[Run, str, list[str]]
-    fed: int
-    snapshot: list[list[LaneSnapshot]]
-    future: 'Future[list[Path]]'
-
-    def holds(self, fed: int) -> bool:
-        """Return whether its files contain this many messages, or will."""
-        return self.fed == fed and (not self.future.done() or (
-            self.future.exception() is None and all(map(Path.exists, self.future.result()))))
-
-
 class Storage:
     """The state file and the output folder."""
 
@@ -76,7 +50,6 @@ class Storage:
         self._state_file = self._opened(values['state_file'])
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
         self._values = values
-        self._next_save: _NextSave | None = None
         self._last_checkpoint = time.monotonic()
 
     def close(self, is_over: bool) -> None:
@@ -135,34 +108,23 @@ class Storage:
             return
         state = pack(run, self._setup) if run.fed != run.checkpointed else None
 
-        def keep() -> tuple[Path, str]:
-            unsaved = ''
-            if state is not None:
-                try:
+        def keep() -> Path:
+            try:
+                if state is not None:
                     state_file.save(state)
-                except ImuAllanError as error:
-                    # The earlier state is then all the more worth keeping.
-                    unsaved = str(error)
-            return state_file.keep_aside(why.reason), unsaved
+            finally:
+                # Where the latest samples cannot be saved, the earlier ones are.
+                aside = state_file.keep_aside(why.reason)
+            return aside
 
-        def note(kept: tuple[Path, str]) -> None:
-            aside, unsaved = kept
-            self._note_aside(f'the one before cannot go on, {why}; its state', aside)
-            if unsaved:
-                self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
-                self._worker.errors['aside'] = unsaved
-
-        self._worker.start('aside', keep, note)
+        self._worker.start('aside', keep, lambda aside: self._note_aside(
+            f'the one before cannot go on, {why}; its state', aside))
         # The next run has to be on the disk at once.
         self._last_checkpoint = time.monotonic() - self._values['checkpoint_period']
 
     def _note_aside(self, what: str, aside: Path) -> None:
-        assert self._state_file is not None
         self._facts.resumed = f'a new run: {what} is kept as {aside.name}'
         self._log.warning(self._facts.resumed, 'aside', 0.0)
-        if removed := self._state_file.thin_out():
-            self._log.warning('removed the oldest states that were kept aside: '
-                              f'{", ".join(removed)}', 'removed', 0.0)
 
     def checkpoint_due(self, now: float, run: Run) -> bool:
         """Return whether the state is to be written now."""
@@ -194,23 +156,13 @@ class Storage:
         folder = self._values['output_dir']
         self._worker.start('output_dir', lambda: try_folder(folder), lambda _: None)
 
-    def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
-        """Start writing result, curves, plot and configurations; default is the output folder."""
-        folder = folder or self._values['output_dir']
+    def save(self, run: Run, picture: bool = True) -> 'Future[list[Path]]':
+        """Start writing result, curves, plot and configurations."""
+        folder, snapshot = self._values['output_dir'], run.snapshot()
         consumers = [consumer for consumer in self._values['export_for'] if consumer]
-        of, last = (run, folder, consumers), self._next_save
-        if last is not None and last.of == of and last.holds(run.fed):
-            return last.future
-        snapshot = run.snapshot()
-        if last is not None and last.of == of:
-            # If the same save is still queued, let it include the latest samples.
-            with suppress(IndexError):
-                last.snapshot[0], last.fed = snapshot, run.fed
-                return last.future
-        waiting = [snapshot]
 
         def work() -> list[Path]:
-            result = fitted(waiting.pop()).result
+            result = fitted(snapshot).result
             if not result.axes:
                 raise TooEarly('nothing to save: too few usable samples have come from '
                                f'{self._setup.topics} yet')
@@ -227,13 +179,11 @@ class Storage:
                     own.rmdir()
 
         def note(paths: list[Path]) -> None:
-            if folder == self._values['output_dir']:
-                self._worker.errors['output_dir'] = ''
+            self._worker.errors['output_dir'] = ''
             self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
                            f'wrote to {paths[0].parent}')
 
-        self._next_save = _NextSave(of, run.fed, waiting, self._worker.start('save', work, note))
-        return self._next_save.future
+        return self._worker.start('save', work, note)
 
     # -- the end --------------------------------------------------------------------------------
 
@@ -243,7 +193,7 @@ class Storage:
         return future is None or future.exception() is None
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
-        """Write the files, to another folder if the output folder fails; return if all is well."""
+        """Write the files; return whether that worked, and if not the state is kept."""
         if not run.fed and not (self._unasked and run.resumed):
             return True
         try:
@@ -254,9 +204,5 @@ class Storage:
             # All that the result permits is written, so the run is over.
             return True
         except ImuAllanError:
-            for folder in other_folders(self._state_file.path if self._state_file else None):
-                with suppress(ImuAllanError):
-                    self.save(run, folder).result()
-                    break
             return False
         return True

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that are not the sensor's own: those of a second publisher, and isolated outliers."""
 
-from typing import Literal
-
 from imu_allan.arrays import Array, Bools
 import numpy as np
 
@@ -13,17 +11,16 @@ _BLOCK = 64
 """Samples per transform: drift stays out of its upper half, where neighbours are compared."""
 
 
-def alternates(samples: Array) -> Literal['', 'means', 'noise']:
-    """Return in which respect every second sample differs, '' if in none."""
+def alternates(samples: Array) -> bool:
+    """Return whether every second sample differs in mean or in noise."""
     # Two sensors differ in mean or in noise. Either alternates from message to message, which is a
-    # line at exactly half the message rate. A vibration at that frequency also alternates in its
-    # values, but not in their magnitude.
+    # line at exactly half the message rate.
     blocks = len(samples) // _BLOCK
     there = np.isfinite(samples).all(axis=0)
     # White noise passes on one axis in 0.2 % of cases, on three in 1e-8; with 4 blocks in 2 % and
     # 5e-6.
     if blocks < 8 or not there.any():
-        return ''
+        return False
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
     enough = _enough_axes(known)
     # Interpolated axes are left out: there, nearly every second sample is the mean of its
@@ -41,14 +38,13 @@ def alternates(samples: Array) -> Literal['', 'means', 'noise']:
     # Without noise only rounding errors would be compared.
     own &= centred.std(axis=(0, 1)) > 1e-10 * np.maximum(np.abs(known).max(axis=(0, 1)), 1)
     found, own = _line_at_half(centred, own)
-    means = np.count_nonzero(found) >= enough
+    if np.count_nonzero(found) >= enough:
+        return True
     magnitude = np.abs(centred)
     found, _ = _line_at_half(magnitude, own)
     swing = np.abs(np.mean(magnitude[:, ::2] - magnitude[:, 1::2], axis=(0, 1)))
     found &= swing > 0.05 * magnitude.mean(axis=(0, 1))
-    if np.count_nonzero(found) >= enough:
-        return 'noise'
-    return 'means' if means else ''
+    return bool(np.count_nonzero(found) >= enough)
 
 
 def _enough_axes(known: Array) -> int:

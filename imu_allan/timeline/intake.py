@@ -103,11 +103,8 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
 
 def _seek_second_publisher(memory: Memory, window: Window, repeats: Repeats) -> None:
     """Look for a second publisher."""
-    seen = alternates(window.samples[~(repeats.held | repeats.frozen)])
-    if seen:
-        # Means alternate by a vibration as well, but noise only where there are two sensors.
-        code = 'several_publishers' if seen == 'noise' else 'alternating'
-        memory.decision.remarks[code] = {}
+    if alternates(window.samples[~(repeats.held | repeats.frozen)]):
+        memory.decision.remarks['several_publishers'] = {}
 
 
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:

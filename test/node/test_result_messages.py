@@ -130,16 +130,16 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
     ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
     ('reception', facts({'lost': 12}), summary(), WARN,
-     '12 messages on /imu lost in the last 30 s: on the way, between publisher and node; ask for '
-     'reliable delivery with qos_overrides'),
+     '12 messages on /imu lost in the last 30 s: ask for reliable delivery with qos_overrides, '
+     'and for a depth of 2.5 s of messages'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
     ('timeline', facts(on_probation=True), summary(), OK,
      'looking whether the messages are of the IMU of the run'),
     ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
-     'neighbouring messages differ in turn, as those of two sensors that publish with one '
-     'frame_id do. -> give every IMU a topic of its own'),
+     'neighbouring messages differ in turn: two sensors that publish with one frame_id, or a '
+     'vibration at half the message rate. -> give every IMU a topic of its own'),
     ('timeline', facts({'clock_jumps': 2, 'missing': 200, 'duplicates': 4, 'rejected': 1}),
      summary(remarks=(JUMPED,)), WARN,
      '200 samples missing, 4 duplicates, 1 message rejected, 2 jumps of the clock in the last '
@@ -170,7 +170,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
 def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(heard):
     changes = LogOfChanges(Log(lambda: heard), '/imu')
     counts = {'malformed': 1, 'lost': 3, 'unusable': 1, 'clock_jumps': 1}
-    bad = facts(counts, publishers=2, mixed=True, looping=True, namesakes=1, expected_rate=200.0,
+    bad = facts(counts, publishers=2, mixed=True, looping=True, expected_rate=200.0,
                 malformed=1, lost=3, temperature_topic='/warmth', temperature_missing=True)
     rejected = Timeline(100.0, 1000, 10.0, rejected=1)
     moving = summary(motion=MotionSummary(moving=True), counts=Counts(clock_jumps=1),
@@ -181,26 +181,24 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
     begun = [one for one in (*diagnostics.reception_conditions(bad),
                              *diagnostics.timeline_conditions(bad, moving))
              if one.present and one.over is not None]
-    assert len(begun) == 11
+    assert len(begun) == 10
     first = "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps"
     assert [line for line in heard.lines if line != first] == [
         f'warning {one.message}' for one in begun]
     assert heard.lines.count(first) == 1
     heard.lines.clear()
-    good = facts(malformed=1, lost=3, pause_s=4.0, expected_rate=100.0,
+    good = facts(malformed=1, lost=3, expected_rate=100.0,
                  temperature_topic='/warmth')
     for now in range(101, 200):
         changes.see_reception(good)
         changes.see_timeline(now, good, summary(timeline=rejected))
     assert heard.lines == [
-        'info no other node has the same name any more',
         'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
         'info one publisher is left on /imu',
         'info the messages on /imu are new again',
         'info every message on /imu can be decoded again; 1 message could not be in all',
         'info no message on /imu is lost any more; 3 were in all',
         'info the thermometer on /warmth is there',
-        'info messages come on /imu again after 4 s without',
         'info the IMU is at rest again',
         'info the rate is the expected one again',
         'info no message is rejected any more; 1 was in all']
@@ -328,10 +326,7 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
     shaken = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
                     '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
                     'mean: 0.01 rad/s}}').result()
-    axes = dict(shaken.axes)
-    axes['gyro_z'] = replace(axes['gyro_z'], tones=(Tone(31.0, 1e-3),))
-    assert standards.judge(replace(shaken, axes=axes), streamed([]), DatasheetLooks()) == [
+    assert standards.judge(shaken, streamed([]), DatasheetLooks()) == [
         Comparison('reference', 'warn', Varying(
             'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: '
-            'bias <number> rad/s, <number> in the reference; gyro_z: a line at 31 Hz of 0.001 '
-            'rad/s, none in the reference'))]
+            'bias <number> rad/s, <number> in the reference'))]

@@ -67,11 +67,10 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
         ('foreign', b'a photo of my robot', [], no_state),
         ('newer', framed(b'from the future', 99), [],
          f'it has version 99, this imu_allan reads {VERSION}'),
-        ('settings', good, ['-p', 'gap_tolerance:=9'],
-         'it was made with other parameters (gap_tolerance 5, now 9)'),
-        ('settings', good, ['-p', 'gyro_unit:=deg/s'], 'its messages were read as '
-         'sensor_msgs/msg/Imu, now as sensor_msgs/msg/Imu deg/s'),
-        ('topic', good, ['-r', 'imu/data_raw:=other/imu'], f'it is of the topic {topic}')]
+        *(('settings', good, other,
+           f'it was made with other parameters or of another topic, {topic}') for other in (
+               ['-p', 'gap_tolerance:=9'], ['-p', 'gyro_unit:=deg/s'],
+               ['-r', 'imu/data_raw:=other/imu']))]
     arguments = []
     for number, (_, content, other, _) in enumerate(cases):
         path = ros.folder / str(number) / 'state'
@@ -148,7 +147,7 @@ def test_kills_at_any_moment_leave_a_whole_state_and_cost_one_period(ros, health
     node = start(ros)
     # Of a run without samples nothing is resumed.
     assert ros.until(lambda: node.lines)[0] == f'characterizing the IMU on {driver.topic}'
-    assert {path.name for path in ros.folder.glob('*state*')} == {'state', 'state.lock'}
+    assert {path.name for path in ros.folder.glob('state*')} == {'state', 'state.lock'}
 
 
 def start_at_home(ros, **parameters):
@@ -236,7 +235,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     [aside] = tmp_path.glob('state.rate.*')
     kept = unpack(decode_state(aside.read_bytes()), SETUP).lanes[0].characterization
     assert kept.summary().timeline.samples == 2000
-    assert 'error its latest samples are not in it: No space left on device' in heard.lines
+    assert heard.lines[-1] == 'error No space left on device'
     storage.close(is_over=False)
 
 
@@ -295,8 +294,8 @@ def test_a_state_is_for_nobody_else_and_stays_where_a_save_fails(tmp_path, monke
     loaded, expected = ([(key, array.dtype, array.shape, array.tolist())
                          for key, array in state.items()] for state in (file.load() or {}, STATE))
     assert loaded == expected
-    assert {each.name: each.stat().st_mode & 0o777 for each in path.parent.iterdir()} == {
-        'state': 0o600, 'state.lock': 0o600}
+    assert in_folder(path.parent) == {'state', 'state.lock'}
+    assert path.stat().st_mode & 0o777 == 0o600
     content = path.read_bytes()
 
     def full(*_):
@@ -312,13 +311,6 @@ def test_a_state_is_for_nobody_else_and_stays_where_a_save_fails(tmp_path, monke
     assert not path.exists()
 
 
-def test_leftovers_of_a_killed_save_are_swept_up(tmp_path):
-    for name in ('.state.a1b2c3d4', '.state.settings', '.state.A1B2C3D4'):
-        (tmp_path / name).write_bytes(b'half of a state, or of somebody else')
-    StateFile(tmp_path / 'state')
-    assert in_folder(tmp_path) == {'.state.settings', '.state.A1B2C3D4', 'state.lock'}
-
-
 @pytest.mark.parametrize(('made', 'path', 'words'), [
     (lambda at: (at / 'file').write_text('in the way'), 'file/state',
      'cannot be written (Not a directory); choose a folder that may be written to'),
@@ -326,30 +318,21 @@ def test_leftovers_of_a_killed_save_are_swept_up(tmp_path):
      'regular file, or one that is not there yet'),
     # A pipe is waited for until somebody writes to it: for ever.
     (lambda at: os.mkfifo(at / 'state'), 'state', 'is a folder, a device or a pipe; name a '
-     'regular file, or one that is not there yet'),
-    (lambda at: (at / 'state.lock').symlink_to(at / 'precious'), 'state',
-     'cannot be written (<words>); choose a folder that may be written to')],
-    ids=['below a file', 'folder', 'pipe', 'link as lock'])
-def test_what_can_be_no_state_or_lock_is_one_line_and_left_alone(tmp_path, made, path, words):
-    (tmp_path / 'precious').write_text('mine')
+     'regular file, or one that is not there yet')], ids=['below a file', 'folder', 'pipe'])
+def test_what_can_be_no_state_is_one_line_and_left_alone(tmp_path, made, path, words):
     made(tmp_path)
     before = in_folder(tmp_path)
-    with refused(Varying(f'state_file {tmp_path / path}: {words}')):
+    with refused(f'state_file {tmp_path / path}: {words}'):
         StateFile(tmp_path / path)
     assert in_folder(tmp_path) == before
-    assert (tmp_path / 'precious').read_text() == 'mine'
 
 
 def test_states_kept_aside_are_capped_oldest_first(tmp_path):
     file = StateFile(tmp_path / 'state')
+    (tmp_path / 'state.notes').write_text('of the user')
     aside = []
     for number in range(25):
         file.path.write_bytes(bytes([number]))
         aside.append(file.keep_aside('rate' if number % 2 else 'frame_id').name)
-    (tmp_path / 'state.notes').write_text('of the user')
-    assert file.thin_out() == aside[4::-1]
     assert in_folder(tmp_path) == {*aside[5:], 'state.lock', 'state.notes'}
-    for name in aside[-3:]:
-        os.truncate(tmp_path / name, 60_000_000)
-    assert file.thin_out() == aside[-2:4:-1]
     file.close()

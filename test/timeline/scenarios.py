@@ -236,7 +236,7 @@ def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> No
 
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
-    truth.said |= {'several_publishers', 'alternating'}
+    truth.said.add('several_publishers')
     offset = rng.uniform(0.3, 0.5) / truth.rate_hz
     other = Messages(m.place, m.header + offset, m.receive + offset,
                      m.samples + rng.normal(size=6) * 3 * SIGMA

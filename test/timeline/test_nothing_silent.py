@@ -16,7 +16,6 @@ from scenarios import at_rest, characterized, MORE_FAULTS, SIGMA, verdict
 from scipy.signal import butter, lfilter
 from whole_lines import refused
 
-PERHAPS_TWO = {'several_publishers', 'alternating'}
 APART = 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
 """Between the means of two sensors."""
 
@@ -267,15 +266,14 @@ def test_headers_in_whole_seconds_or_batches_are_no_witness_against_losses(batch
 
 
 @pytest.mark.parametrize('offset', [0.3, 0.5])
-@pytest.mark.parametrize(('apart', 'noisier', 'said_code'), [
-    (APART / 2, 0.0, 'alternating'), (APART / 2, 2.0, 'several_publishers'),
-    (0.2 * SIGMA * np.array([1, -1, -1, 1, 1, -1]), 0.0, 'alternating')])
-def test_two_publishers_with_one_frame_id_are_reported(apart, noisier, offset, said_code):
+@pytest.mark.parametrize(('apart', 'noisier'), [
+    (APART / 2, 0.0), (APART / 2, 2.0), (0.2 * SIGMA * np.array([1, -1, -1, 1, 1, -1]), 0.0)])
+def test_two_publishers_with_one_frame_id_are_reported(apart, noisier, offset):
     messages, _, rng = rest(100, 60)
     messages.header = (messages.place // 2 + offset * (messages.place % 2)) * 2 / 100
     second = messages.samples[1::2]
     second += apart + noisier * SIGMA * rng.normal(size=second.shape)
-    assert PERHAPS_TWO & codes(run(one_clock(messages).block())[0]) == {said_code}
+    assert 'several_publishers' in codes(run(one_clock(messages).block())[0])
 
 
 def hum(cycles, axes, noise=1.0, wander=0.0):
@@ -310,7 +308,7 @@ def test_no_output_of_one_sensor_passes_for_two(lost, output):
 def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(every, size):
     messages, _, _ = rest(100, 60)
     messages.samples[::every] += size * SIGMA
-    assert not PERHAPS_TWO & codes(run(messages.block())[0])
+    assert 'several_publishers' not in codes(run(messages.block())[0])
 
 
 @pytest.mark.parametrize(('speed', 'back_s'), [
