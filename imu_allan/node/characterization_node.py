@@ -9,7 +9,7 @@ the middleware's queue only for moments. Faults of drivers, subscribers or disks
 the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from threading import RLock
 import time
@@ -35,13 +35,11 @@ from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.verdict_lines import closing_lines
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 TICK_S = 0.5
@@ -75,10 +73,11 @@ class CharacterizationNode(AnyExecutorNode):
         # complain at every line.
         alone = get_logger(self.get_fully_qualified_name())
         self._log = Log(lambda: self.get_logger() if self.context.ok() else alone)
-        self._values = values = declare(self, CHARACTERIZATION.settings, self._applied)
+        self._values = values = declare(self, CHARACTERIZATION)
         warn_of_unknown(self)
-        if reason := _reason_against(values['aiding_interval'], values['coast']):
-            raise ImuAllanError(f'parameter {reason}')
+        if values['aiding_interval'] > values['coast']:
+            raise ImuAllanError(f'parameter aiding_interval: {values["aiding_interval"]:g} s is '
+                                f'longer than coast, {values["coast"]:g} s')
 
         self._receptions = [Reception(self, self._log, topic, half, values)
                             for topic, half in _topics(values)]
@@ -91,7 +90,6 @@ class CharacterizationNode(AnyExecutorNode):
         self._facts.errors = self._worker.errors
         self._fitting = Fitting(name, self._outputs, self._worker, self._facts,
                                 self._receptions[0].changes, values)
-        self.add_on_set_parameters_callback(self._check)
         self._setup = Setup(
             subscribed[0], TimelineOptions(clock=values['clock'],
                                            gap_tolerance=values['gap_tolerance'],
@@ -155,22 +153,6 @@ class CharacterizationNode(AnyExecutorNode):
         """Save what has not been saved yet, then destroy the node."""
         self.finish()
         super().destroy_node()
-
-    def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
-        """Refuse inconsistent values set together; one set alone may precede the other."""
-        given = {parameter.name: parameter.value for parameter in parameters}
-        reason = (_reason_against(given['aiding_interval'], given['coast'])
-                  if {'aiding_interval', 'coast'} <= given.keys() else '')
-        return SetParametersResult(successful=not reason, reason=reason)
-
-    def _applied(self, name: str) -> None:
-        """Do what a changed parameter demands besides being read the next time."""
-        if name == 'output_dir':
-            with self._lock:
-                self._storage.try_output()
-        elif name in ('aiding_interval', 'coast') and (reason := _reason_against(
-                self._values['aiding_interval'], self._values['coast'])):
-            self._log.warning(f'{reason}: filter_random_walk is NaN until they fit', 'filter')
 
     # -- one tick: take samples, start what is due, deliver what is finished ---------------------
 
@@ -344,9 +326,3 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
     return [(gyro, 'gyro'), (accel, 'accel')]
-
-
-def _reason_against(aiding_s: float, coast_s: float) -> str:
-    """Return why two values are inconsistent; empty if they are consistent."""
-    return '' if aiding_s <= coast_s else (
-        f'aiding_interval: {aiding_s:g} s is longer than coast, {coast_s:g} s')

@@ -13,9 +13,9 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.fast_startup import start_quickly
         start_quickly()
-        from imu_allan.node.interface import CHARACTERIZATION
         from imu_allan.node.program import run_program
-        return run_program(CHARACTERIZATION, args)
+        return run_program(
+            'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode', args)
 
 
 if __name__ == '__main__':

@@ -13,9 +13,8 @@ def main(args: Sequence[str] | None = None) -> int:
     with quiet_interrupt():
         from imu_allan.fast_startup import start_quickly
         start_quickly()
-        from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.program import run_program
-        return run_program(SIMULATOR, args)
+        return run_program('imu_simulator', 'imu_allan.node.simulator_node.SimulatorNode', args)
 
 
 if __name__ == '__main__':

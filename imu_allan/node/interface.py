@@ -1,14 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Interfaces of both nodes, as `--help` shows them: without ROS, which may be missing."""
+"""Parameters of both nodes, and checks of what is given to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 import math
 from os import PathLike
 from pathlib import Path
-from textwrap import wrap
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
@@ -36,7 +34,6 @@ class Setting:
     choices: Sequence[str] = ()
     may_be_empty: bool = True
     read_only: bool = False
-    below_start: bool = False  # at run time, only folders below the initial one are accepted
 
     def reason_against(self, value: Any) -> str:
         """Return why `value` is refused, apart from type and range; empty if it is accepted."""
@@ -48,14 +45,6 @@ class Setting:
         if isinstance(value, str) and not value and not self.may_be_empty:
             return f'{self.name}: must not be empty'
         texts = [value] if isinstance(value, str) else value
-        # Longer than any path or topic. Anybody on the network may set parameters.
-        longest = 1000
-        most = 100   # far more than anybody needs: 100 KB
-        if isinstance(texts, (list, tuple)) and (
-                len(texts) > most
-                or any(isinstance(text, str) and len(text) > longest for text in texts)):
-            return (f'{self.name}: at most {most} texts of {longest} characters each '
-                    'are taken')
         if self.choices:
             for text in texts:
                 # ROS has no empty list as a parameter, so [''] is used instead.
@@ -64,121 +53,79 @@ class Setting:
         return ''
 
 
-@dataclass(frozen=True)
-class Interface:
-    """The purpose of a node, and its topics, services and parameters."""
+CHARACTERIZATION = (
+    Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
+            0.5, 86_400.0),
+    Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. '
+            'Every run gets its own folder in it', may_be_empty=False, read_only=True),
+    Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
+            'every restart; the default resumes only after a crash; empty keeps nothing',
+            read_only=True),
+    Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash '
+            'can lose', 1.0, 86_400.0),
+    Setting('motion', 'exclude', 'What to do with knocks and motion',
+            choices=('exclude', 'keep'), read_only=True),
+    Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
+            'unusable', choices=('auto', 'header', 'receive'), read_only=True),
+    Setting('expected_rate', 0.0, 'Rate of the IMU in Hz: sets the queue size, and a '
+            'different measured rate is reported; 0 is unknown', 0.0, 100_000.0,
+            read_only=True),
+    Setting('gap_tolerance', 5, 'Most missing samples in a row that are interpolated; a '
+            'longer gap begins a new segment', 0, 1000, read_only=True),
+    Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] "
+            'writes none', choices=tuple(CONSUMERS)),
+    Setting('aiding_interval', 0.1, 'Seconds between corrections of the filter, for '
+            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0,
+            read_only=True),
+    Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
+            86_400.0, read_only=True),
+    Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
+            "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
+    Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an '
+            "Imu, or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
+            read_only=True),
+    Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
+            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it',
+            read_only=True),
+    Setting('accel_field', '', 'Field of the messages that holds the acceleration and its '
+            'unit; empty finds it', read_only=True),
+    Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if '
+            'it is a number (t us); empty finds it', read_only=True),
+    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
+            read_only=True),
+    Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
+            'its magnitude at rest is near 1', read_only=True),
+    Setting('gyro_topic', '', 'Topic of the gyroscope, for an IMU on two topics; empty takes '
+            'both sensors from imu/data_raw', read_only=True),
+    Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics',
+            read_only=True),
+    Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
+            'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type',
+            read_only=True),
+    Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none',
+            read_only=True),
+    Setting('reference', '', 'Earlier result file of the same IMU; a difference from it is '
+            'reported; empty is none', read_only=True),
+)
+"""Parameters of `imu_allan_node`."""
 
-    program: str
-    node: str  # its class, imported only once ROS is known to be installed
-    purpose: str
-    subscribed: Sequence[tuple[str, str, str]]
-    published: Sequence[tuple[str, str, str]]
-    services: Sequence[tuple[str, str, str]]
-    settings: Sequence[Setting]
-
-
-CHARACTERIZATION = Interface(
-    'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode',
-    'Characterizes the noise of the IMU on a topic while it is at rest.',
-    ((TOPIC, 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
-      'the two topics of gyro_topic and accel_topic instead, where they are set'),),
-    (('~/result', 'std_msgs/String', 'the whole result as JSON'),
-     ('~/coefficients', 'diagnostic_msgs/DiagnosticArray', 'every coefficient of every axis'),
-     ('~/gyro/TERM, ~/accel/TERM', 'geometry_msgs/Vector3Stamped',
-      'TERM is noise_density, bias_instability, rate_random_walk, or filter_random_walk'),
-     ('~/SENSOR/TERM/interval/low, .../high', 'geometry_msgs/Vector3Stamped',
-      '95 % interval of a measured term'),
-     ('~/gyro/allan_deviation, ~/accel/allan_deviation', 'std_msgs/Float64MultiArray',
-      'rows tau, x, y, z'),
-     ('~/plot/compressed', 'sensor_msgs/CompressedImage', 'the plot, while somebody subscribes'),
-     ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'once a second')),
-    (('~/save', 'std_srvs/Trigger', 'write result, curves, plot and filter configurations'),
-     ('~/reset', 'std_srvs/Trigger', 'begin a new run'),
-     ('~/pause', 'std_srvs/SetBool', 'pass samples over')),
-    (
-        Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
-                0.5, 86_400.0),
-        Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. '
-                'Every run gets its own folder in it. While the node runs, it can be changed to '
-                'folders below', may_be_empty=False, below_start=True),
-        Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
-                'every restart; the default resumes only after a crash; empty keeps nothing',
-                read_only=True),
-        Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash '
-                'can lose', 1.0, 86_400.0),
-        Setting('motion', 'exclude', 'What to do with knocks and motion',
-                choices=('exclude', 'keep'), read_only=True),
-        Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
-                'unusable', choices=('auto', 'header', 'receive'), read_only=True),
-        Setting('expected_rate', 0.0, 'Rate of the IMU in Hz: sets the queue size, and a '
-                'different measured rate is reported; 0 is unknown', 0.0, 100_000.0,
-                read_only=True),
-        Setting('gap_tolerance', 5, 'Most missing samples in a row that are interpolated; a '
-                'longer gap begins a new segment', 0, 1000, read_only=True),
-        Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] "
-                'writes none', choices=tuple(CONSUMERS)),
-        Setting('aiding_interval', 0.1, 'Seconds between corrections of the filter, for '
-                '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
-        Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
-                86_400.0),
-        Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
-                "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
-        Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an '
-                "Imu, or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
-                read_only=True),
-        Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
-                'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it',
-                read_only=True),
-        Setting('accel_field', '', 'Field of the messages that holds the acceleration and its '
-                'unit; empty finds it', read_only=True),
-        Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if '
-                'it is a number (t us); empty finds it', read_only=True),
-        Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
-                read_only=True),
-        Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
-                'its magnitude at rest is near 1', read_only=True),
-        Setting('gyro_topic', '', 'Topic of the gyroscope, for an IMU on two topics; empty takes '
-                'both sensors from imu/data_raw', read_only=True),
-        Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics',
-                read_only=True),
-        Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
-                'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type',
-                read_only=True),
-        Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none',
-                read_only=True),
-        Setting('reference', '', 'Earlier result file of the same IMU; a difference from it is '
-                'reported; empty is none', read_only=True),
-    ))
-
-SIMULATOR = Interface(
-    'imu_simulator', 'imu_allan.node.simulator_node.SimulatorNode',
-    'In place of an IMU driver: publishes an IMU at rest with the noise of a model.',
-    (),
-    ((TOPIC, 'sensor_msgs/Imu', 'the samples'),
-     ('~/truth', 'diagnostic_msgs/DiagnosticArray', 'the true coefficients')),
-    (('~/drop', 'std_srvs/Trigger', 'leave samples out'),
-     ('~/knock', 'std_srvs/Trigger', 'knock the IMU')),
-    (
-        Setting('model', 'consumer_mems',
-                'Noise model: a YAML file, or the name of one that the package ships in config/',
-                may_be_empty=False, read_only=True),
-        Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
-                read_only=True),
-        Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
-                'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
-        Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never',
-                0.0, 1e9, read_only=True),
-        Setting('seed', 0, 'Seed of the random numbers: the same seed gives the same noise', 0,
-                2**31 - 1, read_only=True),
-        Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
-        Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
-                'the start', 0.0, 2**31 - 1.0, read_only=True),
-        Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
-                'are matched', 0, 100, read_only=True),
-        Setting('drop_samples', 20, 'Number of samples that ~/drop leaves out', 1, 1_000_000),
-        Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the '
-                'angular velocity takes a tenth as many rad/s', 0.0, 1e3),
-    ))
+SIMULATOR = (
+    Setting('model', 'consumer_mems',
+            'Noise model: a YAML file, or the name of one that the package ships in config/',
+            may_be_empty=False, read_only=True),
+    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
+            read_only=True),
+    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
+            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
+    Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never',
+            0.0, 1e9, read_only=True),
+    Setting('seed', 0, 'Seed of the random numbers: the same seed gives the same noise', 0,
+            2**31 - 1, read_only=True),
+    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+    Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
+            'are matched', 0, 100, read_only=True),
+)
+"""Parameters of `imu_simulator`."""
 
 
 def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
@@ -189,11 +136,6 @@ def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
         named = f'{parameter} {path}'.lstrip()
         raise ImuAllanError(f'{named}: this user has no home folder; write the path without ~'
                             ) from error
-
-
-def wants_help(args: Sequence[str]) -> bool:
-    """Return whether a command line, without the name of the program, asks for help."""
-    return bool({'-h', '--help'} & set(takewhile(lambda word: word != '--ros-args', args)))
 
 
 def refused(args: Sequence[str]) -> str:
@@ -208,34 +150,3 @@ def refused(args: Sequence[str]) -> str:
         example = f'{name.rstrip(":")}:={value}' if name and sign else 'NAME:=VALUE'
         return f'{argument!r} is no argument; give parameters as --ros-args -p {example}'
     return ''
-
-
-def help_text(interface: Interface) -> str:
-    """Describe a node for the terminal."""
-    lines = [f'usage: {interface.program} --ros-args [-p NAME:=VALUE] [--params-file FILE] '
-             '[-r FROM:=TO]', '', *_folded(interface.purpose)]
-    for title, rows in (('subscribes to', interface.subscribed),
-                        ('publishes', interface.published),
-                        ('services', interface.services),
-                        ('parameters', list(map(_described, interface.settings)))):
-        if rows:
-            lines += ['', f'{title}:']
-            for name, kind, meaning in rows:
-                lines += [f'  {name} ({kind})', *_folded(meaning, 6 * ' ')]
-    return '\n'.join(lines)
-
-
-def _described(setting: Setting) -> tuple[str, str, str]:
-    """Return name, default and meaning of a parameter."""
-    default, meaning = setting.default, setting.description
-    if setting.lowest is not None:
-        meaning += f' ({setting.lowest:g} to {setting.highest:g})'
-    if setting.choices:
-        meaning += f' ({", ".join(setting.choices)})'
-    shown = f'[{", ".join(default)}]' if isinstance(default, tuple) else str(default) or 'empty'
-    return setting.name, shown, meaning
-
-
-def _folded(text: str, indent: str = '') -> list[str]:
-    # The default width of a terminal.
-    return wrap(text, 80, initial_indent=indent, subsequent_indent=indent)

@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declaration of a node's parameters, with descriptions, ranges, and reasons for refusal."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 import difflib
-import os
-from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
@@ -22,30 +20,21 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 
-def declare(node: Node, settings: Sequence[Setting],
-            applied: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
+def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     """Declare `settings`; return their values, which follow changes that pass the checks."""
     known = {setting.name: setting for setting in settings}
 
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name in known:
-                setting = known[parameter.name]
-                reason = setting.reason_against(parameter.value)
-                if not reason and setting.below_start and setting.name in start:
-                    reason = _leads_out(setting.name, parameter.value, start[setting.name])
-                if reason:
-                    return SetParametersResult(successful=False, reason=reason)
+            if parameter.name in known and (
+                    reason := known[parameter.name].reason_against(parameter.value)):
+                return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
     def apply(parameters: Iterable[Parameter]) -> None:
-        changed = {one.name: one.value for one in parameters if one.name in known}
-        values.update(changed)
-        for name in changed:
-            applied(name)
+        values.update({one.name: one.value for one in parameters if one.name in known})
 
     values: dict[str, Any] = {}
-    start: dict[str, Any] = {}
     node.add_on_set_parameters_callback(check)
     for setting in settings:
         default = setting.default
@@ -65,21 +54,8 @@ def declare(node: Node, settings: Sequence[Setting],
             # rclpy appends the name to the reason once more.
             reason = reason.removesuffix(f': {setting.name}').removeprefix(f'{setting.name}: ')
             raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
-    start.update(values)
     node.add_post_set_parameters_callback(apply)
     return values
-
-
-def _leads_out(name: str, folder: str, start: str) -> str:
-    """Return why a folder set at run time, by anybody on the network, is refused."""
-    try:
-        inner, outer = (Path(os.path.realpath(Path(text).expanduser()))
-                        for text in (folder, start))
-    except (RuntimeError, ValueError, OSError) as error:
-        return f'{name}: {error}'
-    return '' if inner.is_relative_to(outer) else (
-        f'{name}: while the node runs it can only be set to {outer} and folders below; start the '
-        'node with another one')
 
 
 def warn_of_unknown(node: Node) -> None:

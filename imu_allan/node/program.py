@@ -12,8 +12,7 @@ import signal
 import sys
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE
-from imu_allan.node.interface import help_text, Interface, refused, wants_help
+from imu_allan.node.interface import refused
 
 
 class StopRequest:
@@ -26,16 +25,14 @@ class StopRequest:
         self.requested = True
 
 
-def run_program(interface: Interface, args: Sequence[str] | None = None) -> int:
+def run_program(program: str, node_class: str, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
-    program, given = interface.program, sys.argv[1:] if args is None else args
-    if wants_help(given):
-        try:
-            print(help_text(interface), flush=True)
-        except BrokenPipeError:
-            # The reader has closed it.
-            drop_stdout()
-            return EXIT_BROKEN_PIPE
+    given = sys.argv[1:] if args is None else args
+    if given and given[0] in ('-h', '--help'):
+        print(f'usage: {program} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]\n'
+              'Topics and services of a running node: ros2 node info NODE\n'
+              'Its parameters: ros2 param list NODE, ros2 param describe NODE NAME\n'
+              'All of them are described in docs/ros_interface.md.')
         return 0
     if wrong := refused(given):
         _fail(program, wrong)
@@ -44,7 +41,8 @@ def run_program(interface: Interface, args: Sequence[str] | None = None) -> int:
     try:
         _do_without_shared_memory(program)
         with _stopped_by(stop), _ros(args):
-            module, _, name = interface.node.rpartition('.')
+            # Imported only now: ROS may be missing.
+            module, _, name = node_class.rpartition('.')
             node = getattr(import_module(module), name)()
             try:
                 return int(node.serve(stop))

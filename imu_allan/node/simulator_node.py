@@ -5,8 +5,6 @@
 from math import inf
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.arrays import Array
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
@@ -14,20 +12,18 @@ from imu_allan.node.interface import SIMULATOR, TOPIC
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
-from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import find_model, load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
-from std_srvs.srv import Trigger
 
 _SERVICE_PERIOD_S = 0.05
-"""Services are answered and sleeps end within this time, too short for users to notice."""
+"""Parameters are answered and sleeps end within this time, too short for users to notice."""
 
 
 class SimulatorNode(Node):
@@ -40,7 +36,7 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        self._values = values = declare(self, SIMULATOR.settings)
+        self._values = values = declare(self, SIMULATOR)
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))
@@ -52,8 +48,6 @@ class SimulatorNode(Node):
         self._imu = SimulatedImu(self._model, self._rate, values['seed'])
         self._start_ns = 0
         self._next = 0
-        self._drop_until = 0
-        self._knocks: list[int] = []
 
         if self._speed == 0:
             # Only a KEEP_ALL writer waits for readers that are behind.
@@ -63,12 +57,6 @@ class SimulatorNode(Node):
             qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
         self._publisher = self.create_publisher(
             Imu, TOPIC, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies())
-        latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._truth = self.create_publisher(DiagnosticArray, '~/truth', latched)
-        self._truth.publish(self._truth_message())
-        self.create_service(Trigger, '~/drop', self._drop)
-        self.create_service(Trigger, '~/knock', self._knock)
 
     def serve(self, stop: StopRequest) -> int:
         """Publish until the duration is over or `stop` is set; return the exit status."""
@@ -77,7 +65,7 @@ class SimulatorNode(Node):
         try:
             self._wait_for_subscriptions(executor, stop)
             # The first sample is stamped now, not when the node was constructed.
-            self._start_ns = round(self._values['start_time'] * 1e9) or time.time_ns()
+            self._start_ns = time.time_ns()
             self.get_logger().info(
                 f'publishing {self._model.name or "a simulated IMU"} on '
                 f'{self._publisher.topic_name} at {self._rate:g} Hz'
@@ -121,17 +109,10 @@ class SimulatorNode(Node):
 
     def _publish(self, count: int, stop: StopRequest) -> None:
         index = np.arange(self._next, self._next + count)
-        samples = self._imu.draw(count)
-        for knock in self._knocks:
-            samples += self._values['knock_size'] * _knock_shape((index - knock) / self._rate)
-        # After three seconds nothing is left of a knock.
-        self._knocks = [knock for knock in self._knocks if self._next - knock < 3 * self._rate]
         stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
         self._next += count
-        kept = index >= self._drop_until
-        block = ImuBlock(stamps[kept], stamps[kept], samples[kept],
-                         np.tile(self._imu.absent, (int(kept.sum()), 1)),
-                         self._values['frame_id'])
+        block = ImuBlock(stamps, stamps, self._imu.draw(count),
+                         np.tile(self._imu.absent, (count, 1)), self._values['frame_id'])
         for row in encode_imu_rows(block):
             message = row.tobytes()
             while not stop.requested:
@@ -143,37 +124,3 @@ class SimulatorNode(Node):
                         raise
                     # The queue of the KEEP_ALL writer is full, though `publish` waits up to 0.1 s.
                     continue
-
-    def _drop(self, *_: object) -> Trigger.Response:
-        count = self._values['drop_samples']
-        self._drop_until = max(self._next, self._drop_until) + count
-        return Trigger.Response(success=True, message=f'leaving out {count} samples')
-
-    def _knock(self, *_: object) -> Trigger.Response:
-        self._knocks.append(self._next)
-        return Trigger.Response(success=True,
-                                message=f'a knock of {self._values["knock_size"]:g} m/s^2')
-
-    def _truth_message(self) -> DiagnosticArray:
-        array = DiagnosticArray()
-        array.header.frame_id = self._values['frame_id']
-        array.header.stamp = self.get_clock().now().to_msg()
-        for axis, quantity in AXES.items():
-            status = DiagnosticStatus(name=f'{self.get_name()}: {axis}', level=b'\0',
-                                      message='true values',
-                                      hardware_id=self._publisher.topic_name)
-            for key, value in self._model.axes.get(axis, {}).items():
-                status.values += [
-                    KeyValue(key=f'{key}/value', value=repr(float(value))),
-                    KeyValue(key=f'{key}/unit', value=TERMS[key].unit(quantity))]
-            array.status.append(status)
-        return array
-
-
-def _knock_shape(seconds: Array) -> Array:
-    """Return an oscillation on all axes that decays from time zero, shape (n, 6)."""
-    after = np.maximum(seconds, 0.0)
-    # 17 Hz: several cycles per window of the motion detector, below half of any usual rate. Decays
-    # to a thousandth within a second, which is two such windows.
-    ringing = np.where(seconds >= 0, np.exp(-after / 0.15) * np.cos(2 * np.pi * 17.0 * after), 0.0)
-    return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))

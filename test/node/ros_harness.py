@@ -487,11 +487,12 @@ def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
     code = """
 import json, sys
 from imu_allan.node.characterization_node import CharacterizationNode
-from imu_allan.node.interface import CHARACTERIZATION
 from imu_allan.node.program import run_program
 CharacterizationNode.serve = lambda node, stop: 0
 for arguments in json.loads(sys.argv[1]):
-    status = run_program(CHARACTERIZATION, ['--ros-args', *arguments])
+    status = run_program('imu_allan_node',
+                         'imu_allan.node.characterization_node.CharacterizationNode',
+                         ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]

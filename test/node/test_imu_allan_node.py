@@ -16,7 +16,7 @@ from imu_allan.tuning.tune import tune
 from imu_allan.writers.result_file import load_result
 import numpy as np
 import pytest
-from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from ros_harness import entries, Health, RATE_HZ, said_in
 from std_msgs.msg import String
@@ -121,7 +121,7 @@ def test_what_has_not_changed_is_not_published_again(live):
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
 
-def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_are_there(live):
+def test_save_writes_result_curves_plot_and_filter_configurations(live):
     response = live.call(Trigger, 'imu_allan/save')
     assert response.success
     paths = [Path(line) for line in response.message.splitlines()]
@@ -136,35 +136,7 @@ def test_save_writes_result_curves_plot_and_filter_configurations_unless_they_ar
     assert document['timeline']['samples'] == RATE_HZ * DURATION_S
     assert paths[-1].read_bytes().startswith(b'\x89PNG')
     assert f'rostopic: "{live.name("imu/data_raw")}"' in paths[2].read_text()
-    written = paths[0].stat().st_mtime_ns
     assert live.call(Trigger, 'imu_allan/save').message == response.message
-    assert paths[0].stat().st_mtime_ns == written
-    # Unless somebody has taken a file away.
-    paths[-1].unlink()
-    assert live.call(Trigger, 'imu_allan/save').message == response.message
-    assert paths[-1].exists()
-    assert paths[0].stat().st_mtime_ns > written
-
-
-def test_whoever_is_on_the_network_can_have_files_written_below_the_first_folder_alone(live):
-    start = live.folder / 'output'
-    elsewhere = (f'output_dir: while the node runs it can only be set to {start} and folders '
-                 'below; start the node with another one')
-    for folder, reason in (
-            ('/etc', elsewhere), (str(live.folder), elsewhere), ('~', elsewhere),
-            (str(start / '..' / 'outputs'), elsewhere), ('~nosuchuser/x', Varying('<words>')),
-            ('x' * 1001, 'output_dir: at most 100 texts of 1000 characters each are taken')):
-        answer = set_parameter(live, 'output_dir', folder)
-        assert (answer.successful, answer.reason) == (False, reason)
-    (start / 'file').write_text('in the way')
-    change(live, 'output_dir', str(start / 'file' / 'below'))
-    response = live.call(Trigger, 'imu_allan/save')
-    assert (response.success, response.message) == (False, Varying(
-        f'{start}/file/below/<words>: cannot be written (Not a directory); choose a folder that '
-        'exists on a disk with room and may be written to; not written either: curve.csv, '
-        'imu.yaml, kalibr_imu_chain.yaml, allan_deviation.png'))
-    change(live, 'output_dir', str(start))
-    assert live.call(Trigger, 'imu_allan/save').success
 
 
 def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live):
@@ -194,14 +166,11 @@ def test_a_parameter_out_of_range_is_refused_with_a_reason_and_keeps_its_value(l
     change(live, 'publish_period', 0.75)
     for name, value in (('publish_period', 0.0), ('publish_period', math.nan),
                         ('publish_period', 'often'), ('checkpoint_period', math.inf),
-                        ('export_for', ['kalibr', 'nonsense']), ('output_dir', ''),
-                        ('motion', 'keep'), ('gap_tolerance', 3), ('use_sim_time', 'perhaps')):
+                        ('export_for', ['kalibr', 'nonsense']), ('output_dir', '/etc'),
+                        ('coast', 50.0), ('motion', 'keep'), ('gap_tolerance', 3),
+                        ('use_sim_time', 'perhaps')):
         answer = set_parameter(live, name, value)
         assert (answer.successful, bool(answer.reason)) == (False, True), name
-    both = [parameter('aiding_interval', 31.0), parameter('coast', 29.0)]
-    answer = live.call(SetParametersAtomically, 'imu_allan/set_parameters_atomically',
-                       SetParametersAtomically.Request(parameters=both)).result
-    assert answer.reason == 'aiding_interval: 31 s is longer than coast, 29 s'
     response = live.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request(
         names=['publish_period', 'aiding_interval', 'coast']))
     assert [value.double_value for value in response.values] == [0.75, 0.2, 30.0]

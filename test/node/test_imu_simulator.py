@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
 from pathlib import Path
-import signal
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray
 import imu_allan
 from imu_allan.cdr import blocks_from_messages
 from imu_allan.recordings.write import write_recording
@@ -13,9 +11,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
-from ros_harness import entries
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
 RATE_HZ = 20.0
@@ -46,10 +42,9 @@ def recording(ros):
 
 
 def test_at_full_speed_all_samples_reach_a_slow_subscriber_and_the_simulator_ends(ros, recording):
-    truths = ros.listen(DiagnosticArray, 'imu_simulator/truth')
     simulator = ros.start('imu_simulator', {
         'model': str(MODEL), 'rate': 400.0, 'duration': 75.0, 'speed': 0.0, 'seed': 7,
-        'start_time': 1000.0, 'frame_id': 'some_imu'})
+        'frame_id': 'some_imu'})
     counts = [0]
     while counts[-1] < 30_000:
         # Longer than the writer waits for the reader before it gives up on a sample.
@@ -59,15 +54,11 @@ def test_at_full_speed_all_samples_reach_a_slow_subscriber_and_the_simulator_end
         assert simulator.running or simulator.popen.returncode == 0
     assert simulator.wait() == 0
     assert max(np.diff(counts)) < 20_000
-    np.testing.assert_array_equal(recording.header_ns - 1000 * 10**9,
+    np.testing.assert_array_equal(recording.header_ns - recording.header_ns[0],
                                   np.rint(np.arange(30_000) / 400.0 * 1e9).astype(np.int64))
     model = load_model(MODEL)
     np.testing.assert_array_equal(recording.samples, SimulatedImu(model, 400.0, 7).draw(30_000))
     assert {block.frame_id for block in recording.blocks} == {'some_imu'}
-    [truth] = truths
-    assert truth.status[0].name == 'imu_simulator: gyro_x'
-    assert float(entries(truth.status[0])['noise_density/value']) == \
-        model.axes['gyro_x']['noise_density']
 
 
 def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros):
@@ -88,27 +79,6 @@ def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros):
         # slower for it: some of each half are as early as the earliest.
         assert np.ptp([half.min() for half in np.array_split(late_s, 2)]) < 0.1
         assert np.quantile(late_s - late_s.min(), 0.2) < 0.05
-
-
-def test_samples_are_dropped_and_the_imu_knocked_on_request(ros, recording):
-    simulator = ros.start('imu_simulator', {
-        'model': str(MODEL), 'rate': 200.0, 'drop_samples': 30, 'knock_size': 5.0,
-        'wait_for_subscriptions': 1})
-    ros.until(lambda: len(recording) > 50)
-    assert ros.call(Trigger, 'imu_simulator/drop').success
-    here = len(recording)
-    ros.until(lambda: len(recording) > here + 100)
-    assert ros.call(Trigger, 'imu_simulator/knock').success
-    here = len(recording)
-    ros.until(lambda: len(recording) > here + 100)
-    assert simulator.stop(signal.SIGTERM) == 0
-    steps = np.diff(recording.header_ns) / 5e6
-    assert np.flatnonzero(np.rint(steps) != 1).size == 1
-    assert steps.max() == pytest.approx(31, abs=1e-3)
-    forward = np.abs(recording.samples[:, 3])
-    assert forward.max() == pytest.approx(5.0, rel=0.2)
-    loud = np.flatnonzero(forward > 0.5)
-    assert loud[-1] - loud[0] < 0.6 * 200
 
 
 def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(ros):
