@@ -9,7 +9,7 @@ Several recordings of one IMU give one result.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from heapq import merge
 from itertools import combinations, repeat
 from os import PathLike
@@ -37,7 +37,6 @@ from imu_allan.timeline import TimelineOptions
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
     from imu_allan.characterization.axis_groups import FinishedRecord
-    from imu_allan.noise.axis_fit import AxisFit
 
 
 AnyPath = str | PathLike[str]
@@ -57,24 +56,6 @@ class Choice:
     def opened(self, path: AnyPath) -> Recording:
         """Open a recording, to be used as a context manager."""
         return open_recording(Path(path), rate_hz=self.options.rate_hz, options=self.reading)
-
-    def said(self) -> dict[str, str]:
-        """
-        Return the choices that differ from the default, by the names that `analyze` uses.
-
-        Examples
-        --------
-        >>> Choice('/imu', TimelineOptions(motion='keep'), duration_s=60.0).said()
-        {'topic': '/imu', 'motion': 'keep', 'duration_s': '60.0'}
-
-        """
-        chosen: dict[str, object] = {'topic': self.topic}
-        for group, default in ((self.options, TimelineOptions()),
-                               (self.reading, RecordingOptions())):
-            chosen |= {part.name: value for part in fields(group)
-                       if (value := getattr(group, part.name)) != getattr(default, part.name)}
-        chosen |= {'start_s': self.start_s or None, 'duration_s': self.duration_s}
-        return {name: str(value) for name, value in chosen.items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -164,8 +145,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
     else:
         result = _together(path, choice, progress)
     from imu_allan.finding_messages import with_words
-    return with_words(replace(result, source=replace(
-        result.source, options=choice.said(), files=files)))
+    return with_words(replace(result, source=replace(result.source, files=files)))
 
 
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
@@ -257,18 +237,6 @@ def growing(recording: Recording, choice: Choice, next_look: Callable[[int], int
     for half in halves:
         half.characterization.finish()
     yield halves
-
-
-def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
-    """Return the result of what was taken so far of a recording, and the fit of every axis."""
-    results: list[Result] = []
-    fits: dict[str, AxisFit | None] = {}
-    for one in taken:
-        result, own = one.characterization.fitted(one.remarks())
-        results.append(result)
-        fits |= {name: fit for name, fit in own.items() if name.startswith(one.stream.half or '')}
-    from imu_allan.finding_messages import with_words
-    return with_words(_as_one(taken, results)), fits
 
 
 def records_of(recording: Recording, choice: Choice, progress: Progress) -> list[FinishedRecord]:

@@ -503,12 +503,10 @@ def _total(listed: tuple[Span, ...]) -> Total:
 @dataclass(frozen=True)
 class Source:
     """
-    Where the samples came from; `options` are choices of the user that differ from the default.
+    Where the samples came from.
 
     A datasheet has no samples: its numbers replace a result, to write a filter configuration.
-
-    The options of a recording are those of `Choice.said`, such as ``{'motion': 'keep'}``, and
-    `files` distinguishes its files from others of the same name (`files_digest`).
+    `files` distinguishes the files of a recording from others of the same name (`files_digest`).
     """
 
     kind: Literal['recording', 'topic', 'datasheet']
@@ -517,7 +515,6 @@ class Source:
     frame_id: str | None
     start_time: str | None
     clock: Literal['header', 'receive'] | None
-    options: Mapping[str, str] = field(default_factory=dict)
     files: str | None = None
 
 

@@ -2,12 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Join the results of a gyroscope and an accelerometer that are published separately."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from imu_allan.block import Half
-from imu_allan.finding import finding
+from imu_allan.characterization.stream import Characterization, Fits
+from imu_allan.finding import Finding, finding
+from imu_allan.finding_messages import with_words
 from imu_allan.result import Result
+
+
+def fitted(parts: Iterable[tuple[Characterization, Half | None, Sequence[Finding]]]
+           ) -> tuple[Result, Fits]:
+    """
+    Fit what was taken in so far, and return the result of the IMU and the fit of every axis.
+
+    `parts`: the samples, which sensor they are of, None for both, and findings of their reader.
+    """
+    results: list[tuple[Half | None, Result]] = []
+    fits: Fits = {}
+    for characterization, half, remarks in parts:
+        result, found = characterization.fitted(remarks)
+        results.append((half, result))
+        fits |= {name: fit for name, fit in found.items() if name.startswith(half or '')}
+    return with_words(united(results)), fits
 
 
 def united(parts: Sequence[tuple[Half | None, Result]]) -> Result:

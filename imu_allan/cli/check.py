@@ -119,7 +119,8 @@ def _result_of(source: str, args: argparse.Namespace, choice: 'Choice') -> 'Resu
 def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read a recording until the verdict is certain, and print after how long it was."""
-    from imu_allan.analysis import fitted_of, growing
+    from imu_allan.analysis import growing
+    from imu_allan.characterization.join_gyro_and_accel import fitted
     from imu_allan.datasheet.live import check_state, next_look
     from imu_allan.wording import duration as said
     from imu_allan.writers.result_file import is_result
@@ -130,7 +131,8 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
             source, recording.size_bytes, wanted=not args.no_progress) as bar, closing(
             growing(recording, choice, next_look, bar)) as looks:
         for taken in looks:
-            result, fits = fitted_of(taken)
+            result, fits = fitted((one.characterization, one.stream.half, one.remarks())
+                                  for one in taken)
             found = check_state({one.stream.half or '': one.characterization for one in taken},
                                 specification, shortest_s=args.min_duration, result=result,
                                 fits=fits)

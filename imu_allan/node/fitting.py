@@ -7,11 +7,12 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
+from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.node.facts import Facts
 from imu_allan.node.log_of_changes import LogOfChanges
 from imu_allan.node.output_topics import OutputTopics
 from imu_allan.node.result_messages import result_messages
-from imu_allan.node.run import fitted, Run
+from imu_allan.node.run import Run
 from imu_allan.node.standards import Comparison, Standards
 from imu_allan.node.worker import Worker
 from imu_allan.result import Result
@@ -25,7 +26,6 @@ class _Fit(NamedTuple):
     """What a fit gives, and the time that it took."""
 
     result: Result
-    clocks: list[str | None]  # of each lane
     messages: Mapping[str, Any]
     comparisons: list[Comparison]
     took_s: float
@@ -84,13 +84,13 @@ class Fitting:
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
-            found, fits, clocks = fitted(snapshot)
+            found, fits = fitted(snapshot)
             result = run.shown_terms.judged(found, more_comes=not to_the_end)
             messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s)
             comparisons = self._standards.judge(
                 found, {lane.half or '': lane.characterization for lane in snapshot},
                 run.datasheet_looks, fits)
-            return _Fit(result, clocks, messages, comparisons, time.monotonic() - started,
+            return _Fit(result, messages, comparisons, time.monotonic() - started,
                         time.thread_time() - busy)
 
         def publish(fit: _Fit) -> None:
@@ -98,8 +98,8 @@ class Fitting:
                 return
             self.latest, self._facts.fit_s = fit.result, fit.took_s
             self._facts.comparisons = fit.comparisons
-            for lane, clock in zip(run.lanes, fit.clocks, strict=True):
-                lane.known.learn(clock)
+            for lane in run.lanes:
+                lane.known.learn(lane.characterization.summary().clock)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
             self._fitted_s, self._rested = span_s, began + 100 * fit.cpu_s
             self._outputs.publish(fit.messages)

@@ -12,11 +12,8 @@ from typing import Any, NamedTuple
 from imu_allan.block import Half, ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.join_gyro_and_accel import united
-from imu_allan.characterization.stream import Fits
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.finding_messages import with_words
 from imu_allan.node.same_imu import Known, LONGEST_LOOK_S
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import DatasheetLooks
@@ -37,25 +34,6 @@ class LaneSnapshot(NamedTuple):
     characterization: Characterization
     half: Half | None
     remarks: Sequence[Finding]
-
-
-class Fitted(NamedTuple):
-    """The result of a run in the form that all outputs show, and what else its fit gives."""
-
-    result: Result
-    fits: Fits  # by axis
-    clocks: list[str | None]  # of each lane
-
-
-def fitted(snapshot: Sequence[LaneSnapshot]) -> Fitted:
-    """Fit what the lanes of a run have taken in, and join the results."""
-    parts: list[tuple[Half | None, Result]] = []
-    fits: Fits = {}
-    for characterization, half, remarks in snapshot:
-        result, found = characterization.fitted(remarks)
-        parts.append((half, result))
-        fits.update({name: fit for name, fit in found.items() if name.startswith(half or '')})
-    return Fitted(with_words(united(parts)), fits, [result.source.clock for _, result in parts])
 
 
 @dataclass(eq=False)

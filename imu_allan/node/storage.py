@@ -12,11 +12,12 @@ import tempfile
 import time
 from typing import Any
 
+from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.facts import Facts
 from imu_allan.node.interface import at_home, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
-from imu_allan.node.run import fitted, new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.state_file import StateFile, UnusableState
 from imu_allan.node.worker import TooEarly, Worker
 from imu_allan.wording import duration
@@ -162,7 +163,7 @@ class Storage:
         consumers = [consumer for consumer in self._values['export_for'] if consumer]
 
         def work() -> list[Path]:
-            result = fitted(snapshot).result
+            result, _ = fitted(snapshot)
             if not result.axes:
                 raise TooEarly('nothing to save: too few usable samples have come from '
                                f'{self._setup.topics} yet')

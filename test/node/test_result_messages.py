@@ -9,13 +9,14 @@ from builtin_interfaces.msg import Time
 from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
+from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.finding import finding
 from imu_allan.finding_messages import message_of, with_words
 from imu_allan.node import diagnostics
 from imu_allan.node.log import Log
 from imu_allan.node.log_of_changes import LogOfChanges, progress_line
 from imu_allan.node.result_messages import result_messages
-from imu_allan.node.run import fitted, Lane, new_run, pack, Run, Setup, unpack
+from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
 from imu_allan.node.state_file import decode_state, encode_state
@@ -311,7 +312,7 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
     assert standards.judge(run.result(), run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
     # A look takes the fits that the result was made of.
-    result, fits, _ = fitted(Run(Lane(noisy)).snapshot())
+    result, fits = fitted(Run(Lane(noisy)).snapshot())
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]

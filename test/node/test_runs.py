@@ -9,12 +9,13 @@ from operator import itemgetter
 import time
 from unittest.mock import Mock
 
+from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.node import run as run_module
 from imu_allan.node.change_of_run import Runs
 from imu_allan.node.facts import Facts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
-from imu_allan.node.run import fitted, new_run, pack, Setup, unpack
+from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.sequence_numbers import MIXED, Publishers
 from imu_allan.node.state_file import decode_state, encode_state
 from imu_allan.noise.random_effects import random_effects
@@ -93,7 +94,7 @@ def boot(monkeypatch, tmp_path):
 
 
 def result_of(run):
-    return fitted(run.snapshot()).result
+    return fitted(run.snapshot())[0]
 
 
 def ended(run):
@@ -404,7 +405,7 @@ def test_a_fit_is_due_as_the_record_grows_however_fast_it_is_replayed(speed):
 
     def fit(_, __, publish):
         looks.append(run.fed)
-        publish(Mock(result=None, clocks=[], cpu_s=0.5))
+        publish(Mock(result=None, cpu_s=0.5))
 
     run.lanes = []
     fitting = Fitting('', Mock(), Mock(under_way=lambda _: False, start=fit), Mock(), Mock(), {
