@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entry point of the command `imu_allan`, which is also `python -m imu_allan`."""
 
-from imu_allan.interruption import interrupt_despite_errors, quiet_interrupt
+from imu_allan.interruption import interruptible, quiet_interrupt
 
 
 def main() -> int:
@@ -12,7 +12,7 @@ def main() -> int:
         start_quickly()
         from imu_allan.cli.main import main as run
 
-    with interrupt_despite_errors():
+    with interruptible():
         return run()
 
 

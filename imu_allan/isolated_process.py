@@ -21,8 +21,6 @@ import sys
 import traceback
 from typing import Any
 
-from imu_allan.interruption import raise_at_signal
-
 _PROGRAM = """
 import ctypes, os, pickle, signal, sys
 try:
@@ -87,9 +85,10 @@ def _real(folder: str) -> str | None:
 
 def exit_on_sigterm() -> None:
     """Let SIGTERM end this process by SystemExit, so that unpacked files are removed."""
-    def before(number: int) -> None:
+    def end(number: int, _: object) -> None:
         signal.signal(number, signal.SIG_IGN)
         # After this time the kernel ends the process.
         signal.alarm(20)
+        raise SystemExit
 
-    raise_at_signal([signal.SIGTERM], SystemExit, before)
+    signal.signal(signal.SIGTERM, end)

@@ -36,17 +36,9 @@ _INTERRUPTED = """
 import importlib, os, signal, sys
 
 
-class Deleted:
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
-
-
 class Interrupt:
     def find_spec(self, name, *_):
-        if name == interrupted == 'mcap':
-            # The interpreter drops an exception in here.
-            Deleted()
-        elif name == interrupted:
+        if name == interrupted:
             try:
                 os.kill(os.getpid(), signal.SIGINT)
             except KeyboardInterrupt:

@@ -18,22 +18,6 @@ child = start_python('signal', 'pause', start_new_session=True)
 print('ready', flush=True)
 time.sleep(100)
 """
-IN_A_CALLBACK = """
-import os, signal, sys, threading, time, weakref
-from imu_allan.isolated_process import exit_on_sigterm
-begin, slow_s = threading.Thread.start, float(sys.argv[1])
-threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
-exit_on_sigterm()
-class Thing: pass
-for _ in range(3):
-    thing = Thing()
-    reference = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
-    del thing
-try:
-    time.sleep(60)
-finally:
-    print('tidied up')
-"""
 
 
 @pytest.mark.skipif(sys.platform != 'linux', reason='the kernel of Linux does it')
@@ -50,13 +34,6 @@ def test_a_process_ends_with_its_parent_whatever_it_is_at(tmp_path):
     finally:
         for child in living(tmp_path):
             os.kill(child, signal.SIGKILL)
-
-
-@pytest.mark.parametrize('slow_s', ['0', '0.1'])
-def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s):
-    """Also on a busy machine, where a thread takes its time to begin."""
-    done = python('-c', IN_A_CALLBACK, slow_s, timeout=30)
-    assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')
 
 
 PLANTED = ('pickle', 'struct', 'numpy', 'multiprocessing', 'imu_allan', 'matplotlib', 'argparse',
