@@ -16,7 +16,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_allan.argument_checks import positive_time, shown
+from imu_allan.argument_checks import positive_time
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
@@ -123,10 +123,6 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
             isinstance(each, (str, PathLike)) for each in given):
         raise TypeError(f'analyze takes the path of a recording, not {type(path).__name__}; for '
                         'samples in an array: imu_allan.characterize(samples, sample_rate_hz)')
-    for name, value, kind in (('topic', topic or '', str), ('options', options, TimelineOptions),
-                              ('reading', reading, RecordingOptions)):
-        if not isinstance(value, kind):
-            raise TypeError(f'{name} must be of type {kind.__name__}, not {shown(value)}')
     if start_s != 0:
         positive_time('start_s', start_s)
     if duration_s is not None:

@@ -26,53 +26,27 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
     return axis.drift_model
 
 
-def positive_number(name: str, value: Any) -> float:
-    """Return an argument as a number above zero whose square neither overflows nor underflows."""
-    least = 1e-30   # its square is still far from the limits of a double
-    most = 1e30
-    return _in_range(name, value, 'positive', (least, most),
-                     f'between {least:g} and {most:g}')
-
-
-def positive_time(name: str, value: Any) -> float:
-    """Return an argument as a time in seconds, between a microsecond and a hundred years."""
-    return _in_range(name, value, 'a positive time', (SHORTEST_S, LONGEST_S),
-                     'between a microsecond and a hundred years', ' s')
-
-
-def positive_times(name: str, values: Any) -> list[float]:
-    """Return an argument, which must be a sequence, as times in seconds."""
-    try:
-        given = None if isinstance(values, (str, bytes)) else list(values)
-    except TypeError:
-        given = None
-    if given is None:
-        raise ImuAllanError(f'{name} must be a sequence of positive times, not {shown(values)}')
-    return [positive_time(name, value) for value in given]
-
-
-def _in_range(name: str, value: Any, positive: str, ends: tuple[float, float], between: str,
-              unit: str = '') -> float:
+def positive(name: str, value: Any, least: float = 1e-30, most: float = 1e30) -> float:
+    """Return an argument as a positive number whose square neither overflows nor underflows."""
     number = real(value)
-    if number is None or not 0 < number < float('inf'):
-        raise ImuAllanError(f'{name} must be {positive}, not {shown(value, unit)}')
-    if not ends[0] <= number <= ends[1]:
-        raise ImuAllanError(f'{name} must be {between}, not {shown(value, unit)}')
+    if number is None or not least <= number <= most:
+        raise ImuAllanError(f'{name} must be a number from {least:g} to {most:g}, '
+                            f'not {shown(value)}')
     return number
 
 
+def positive_time(name: str, value: Any) -> float:
+    """Return an argument as a time in seconds."""
+    return positive(name, value, SHORTEST_S, LONGEST_S)
+
+
 def real(value: Any) -> float | None:
-    """Return a number as a float, infinite on overflow; None for anything else."""
+    """Return a number as a float; None for anything else."""
     # True is an integer in Python, but not a time or factor: an argument in the wrong place.
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return float('inf')
+    return None if isinstance(value, bool) or not isinstance(value, Real) else float(value)
 
 
-def shown(value: Any, unit: str = '') -> str:
+def shown(value: Any) -> str:
     """Return an argument as an error quotes it."""
     number = real(value)
-    return shorten(printable(repr(value)), 60) if number is None else f'{number:g}{unit}'
+    return shorten(printable(repr(value)), 60) if number is None else f'{number:g}'

@@ -107,13 +107,11 @@ def test_what_a_recording_holds_twice_counts_once(written, first, seed, ordered,
 
 
 @pytest.mark.parametrize(('given', 'line'), [
-    ({'start_s': np.nan}, 'start_s must be a positive time, not nan s'),
-    ({'start_s': -5}, 'start_s must be a positive time, not -5 s'),
-    ({'duration_s': '10s'}, "duration_s must be a positive time, not '10s'"),
-    ({'topic': 5}, 'topic must be of type str, not 5'),
-    ({'options': {}}, 'options must be of type TimelineOptions, not {}')])
+    ({'start_s': np.nan}, 'start_s must be a number from 1e-06 to 3.2e+09, not nan'),
+    ({'start_s': -5}, 'start_s must be a number from 1e-06 to 3.2e+09, not -5'),
+    ({'duration_s': '10s'}, "duration_s must be a number from 1e-06 to 3.2e+09, not '10s'")])
 def test_an_argument_that_makes_no_sense_is_refused_before_anything_is_read(given, line):
-    with refused(line, TypeError if 'type' in line else ValueError):
+    with refused(line):
         analyze('no such file', **given)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import floor, log10
 from warnings import warn
 
-from imu_allan.argument_checks import positive_number
+from imu_allan.argument_checks import positive
 from imu_allan.arrays import Array
 from imu_allan.characterization.noise_findings import fit_findings, steadiness_findings
 from imu_allan.finding import Finding, finding
@@ -98,7 +98,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     False
 
     """
-    positive_number('sample_rate_hz', sample_rate_hz)
+    positive('sample_rate_hz', sample_rate_hz)
     if quantity not in list(Quantity):
         known = ' or '.join(repr(one.value) for one in Quantity)
         raise ValueError(f'quantity must be {known}, not {quantity!r}')

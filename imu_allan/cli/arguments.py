@@ -27,7 +27,7 @@ class Shown(argparse.Action):
         parser.exit()
 
 
-def positive_number(text: str) -> float:
+def positive(text: str) -> float:
     """Read a finite number above zero."""
     return _above_zero(_number(text), text)
 
@@ -160,5 +160,5 @@ def factors(text: str) -> dict[str, float]:
         if name not in ('N', 'K') or not equals or name in found:
             raise argparse.ArgumentTypeError(
                 f'{text!r} is not of the form N=2,K=5: a factor for N, for K, or for both')
-        found[name] = positive_number(value)
+        found[name] = positive(value)
     return found

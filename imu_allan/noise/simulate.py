@@ -20,7 +20,7 @@ from math import gamma
 from operator import index
 from typing import Any
 
-from imu_allan.argument_checks import positive_number, real, shown
+from imu_allan.argument_checks import positive, real, shown
 from imu_allan.arrays import Array
 from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
@@ -179,7 +179,7 @@ def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
     if markov and set(markov) != {'sigma', 'correlation_time_s'}:
         raise ValueError('gauss_markov needs sigma and correlation_time_s, not '
                          f'{", ".join(map(str, markov))}')
-    positive_number('sample_rate_hz', sample_rate_hz)
+    positive('sample_rate_hz', sample_rate_hz)
 
 
 def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from imu_allan.argument_checks import positive_number
+from imu_allan.argument_checks import positive
 
 RATE_TOLERANCE = 0.02
 """Rates that differ by a larger share are different: a stated rate may be rounded, and a clock
@@ -46,4 +46,4 @@ class TimelineOptions:
         if self.motion not in ('exclude', 'keep'):
             raise ValueError(f'motion {self.motion!r} is not exclude or keep')
         if self.rate_hz is not None:
-            positive_number('rate_hz', self.rate_hz)
+            positive('rate_hz', self.rate_hz)

@@ -12,7 +12,7 @@ independent segments of that length give a variance, and how much the drift chan
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.argument_checks import drift_model_of, positive_time, positive_times
+from imu_allan.argument_checks import drift_model_of, positive_time
 from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
@@ -95,7 +95,7 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
 
     """
     model = drift_model_of(axis)
-    h = np.array(positive_times('horizons_s', horizons_s))
+    h = np.array([positive_time('horizons_s', one) for one in horizons_s])
     c = positive_time('calibration_s', calibration_s)
     wide = np.exp(NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
     beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))

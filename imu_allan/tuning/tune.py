@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from imu_allan.argument_checks import drift_model_of, positive_number, positive_time
+from imu_allan.argument_checks import drift_model_of, positive, positive_time
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
@@ -220,8 +220,8 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
 
     """
     times = _times(aiding_interval_s, coast_s, correlation_time_s)
-    noise_density = positive_number('noise_density', noise_density)
-    random_walk = positive_number('random_walk', random_walk)
+    noise_density = positive('noise_density', noise_density)
+    random_walk = positive('random_walk', random_walk)
     return _assess(_drifting(axis), noise_density, random_walk, *times)
 
 

@@ -219,7 +219,8 @@ def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
     *(([1.0, value], 100.0, 'angular_velocity', NOT_FINITE) for value in (np.nan, 1e100)),
     (np.ma.masked_greater([1.0, 9999.0], 2.0), 100.0, 'angular_velocity', NOT_FINITE),
     ([1.0, 2.0j], 100.0, 'angular_velocity', NOT_FINITE),
-    ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz must be positive, not 0'),
+    ([1.0, 2.0], 0.0, 'angular_velocity',
+     'sample_rate_hz must be a number from 1e-30 to 1e+30, not 0'),
     ([1.0, 2.0], 100.0, 'torque',
      "quantity must be 'angular_velocity' or 'linear_acceleration', not 'torque'")])
 def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, line):
