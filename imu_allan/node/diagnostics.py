@@ -88,7 +88,7 @@ def _worst(conditions: Sequence[Condition], otherwise: str) -> tuple[bytes, str]
 
 def reception_conditions(facts: Facts) -> list[Condition]:
     """Return what may be wrong with the messages on a topic, the worst first."""
-    topic, recent, thermometer = facts.topic, facts.recent, facts.temperature_topic
+    topic, recent = facts.topic, facts.recent
     lately = f'in the last {RECENT_S:.0f} s'
     return [
         Condition('mixed', facts.mixed, ERROR,
@@ -116,14 +116,7 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'{counted(recent["lost"], "message")} on {topic} lost {lately}: ask for '
                   'reliable delivery with qos_overrides, and for a depth of 2.5 s of messages',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
-        Condition('paused', facts.paused, WARN, 'paused: samples are passed over'),
-        Condition('thermometer missing', facts.temperature_missing, WARN,
-                  f'nothing publishes {thermometer}: there is no temperature',
-                  f'the thermometer on {thermometer} is there'),
-        Condition('thermometer silent',
-                  facts.temperature_silent_s > 0 and not facts.temperature_missing, WARN,
-                  f'no temperature on {thermometer} for {facts.temperature_silent_s:.0f} s',
-                  f'temperatures come on {thermometer} again')]
+        Condition('paused', facts.paused, WARN, 'paused: samples are passed over')]
 
 
 def _were(count: int) -> str:
@@ -136,7 +129,10 @@ def _reception(facts: Facts) -> Status:
               'publishers': facts.publishers,
               'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
               'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
-              'paused': facts.paused, 'temperature_c': facts.temperature_c}
+              'paused': facts.paused, 'temperature_topic': facts.temperature_topic or None,
+              'temperature_c': facts.temperature_c,
+              'temperature_age_s': None if facts.temperature_at is None else
+              time.monotonic() - facts.temperature_at}
     return *_worst(reception_conditions(facts),
                    f'receiving {facts.received_hz:.4g} messages per second'), values
 

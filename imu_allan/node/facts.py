@@ -76,8 +76,6 @@ class Facts:
     resumed: str = ''  # what became of the state file at the start
     timeline: Timeline | None = None  # at the last look
     temperature_topic: str = ''
-    thermometers: int = 0
     temperature_c: float | None = None
-    temperature_missing: bool = False  # the topic has had no publisher for a while
-    temperature_silent_s: float = 0.0  # 0 unless far longer than the usual pause
+    temperature_at: float | None = None  # of the last reading, by the monotonic clock
     comparisons: list[Comparison] = field(default_factory=list)

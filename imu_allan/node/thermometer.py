@@ -16,11 +16,6 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
-MATCHING_S = 5.0
-"""A missing publisher is reported after this time; discovery takes up to three seconds."""
-SILENCE_S = 30.0
-"""Silence is reported after this time, or after three times the longest pause so far."""
-
 
 class Thermometer:
     """Takes readings from the topic named, or found beside the IMU, and passes them to lanes."""
@@ -32,8 +27,6 @@ class Thermometer:
         # For each lane: stamps of header and reception, and what was read; hours of most sensors.
         self._waiting: list[deque[tuple[int, int, float]]] = [
             deque(maxlen=100_000) for _ in range(lanes)]
-        self._last_reading: float | None = None
-        self._longest_pause_s = 0.0
         self._beside: list[str] = []
         self._finds = not named
         self._subscription: DrainedSubscription | None = None
@@ -44,7 +37,6 @@ class Thermometer:
         # The queue of 1000 holds some seconds of the fastest thermometers.
         self._subscription = DrainedSubscription(self._node, Temperature, topic, 1000,
                                                  'temperature_topic')
-        self._last_publisher = time.monotonic()
         self._facts.temperature_topic = self._subscription.topic
 
     def look_beside(self) -> None:
@@ -72,34 +64,21 @@ class Thermometer:
         if self._subscription is None:
             return
         batch = self._subscription.take()
-        self._facts.thermometers = self._subscription.publishers
         readings: list[tuple[int, int, float]] = []
         for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
             try:
                 message = deserialize_message(content, Temperature)
             except Exception:
-                # The middleware may raise any exception for bytes that are no message. They are no
-                # temperature either, which is reported.
+                # The middleware may raise any exception for bytes that are no message.
                 continue
             stamp = message.header.stamp
             header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             readings.append((header_ns or receive_ns, receive_ns, message.temperature))
-        self._note_silence(time.monotonic(), bool(readings))
         for waiting in self._waiting:
             waiting.extend(readings)
         if readings:
+            self._facts.temperature_at = time.monotonic()
             [self._facts.temperature_c] = in_celsius(np.array([readings[-1][2]])).tolist()
-
-    def _note_silence(self, now: float, has_come: bool) -> None:
-        if self._facts.thermometers:
-            self._last_publisher = now
-        self._facts.temperature_missing = now - self._last_publisher > MATCHING_S
-        pause_s = 0.0 if self._last_reading is None else now - self._last_reading
-        if has_come:
-            self._longest_pause_s = max(self._longest_pause_s, pause_s)
-            self._last_reading, pause_s = now, 0.0
-        usual_s = max(SILENCE_S, 3 * self._longest_pause_s)
-        self._facts.temperature_silent_s = pause_s if pause_s > usual_s else 0.0
 
     def feed(self, lane: int, characterization: Characterization) -> None:
         """Pass the readings to a lane, once the clock that places its samples is known."""

@@ -46,7 +46,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 ENTRY_POINTS = {name: f'imu_allan.node.{name}' for name in ('imu_allan_node', 'imu_simulator')}
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
-ASKED_AGAIN_S = 2.0
+ASKED_AGAIN_S = 5.0
 """Without an answer for so long a request may have gone to a node that was killed."""
 STARVED_S = 2.0
 """A node alone with a busy core waits for tenths of a second in all."""
