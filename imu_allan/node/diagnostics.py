@@ -114,7 +114,7 @@ def reception_conditions(facts: Facts) -> list[Condition]:
                   f'{counted(facts.malformed, "message")} could not be in all'),
         Condition('lost', recent['lost'] > 0, WARN,
                   f'{counted(recent["lost"], "message")} on {topic} lost {lately}: ask for '
-                  'reliable delivery with qos_overrides, and for a depth of 2.5 s of messages',
+                  'reliable delivery and a queue for 2.5 s of messages, with qos_overrides',
                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all'),
         Condition('paused', facts.paused, WARN, 'paused: samples are passed over')]
 

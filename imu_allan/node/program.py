@@ -29,10 +29,10 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     given = sys.argv[1:] if args is None else args
     if given and given[0] in ('-h', '--help'):
-        print(f'usage: {program} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]\n'
-              'Topics and services of a running node: ros2 node info NODE\n'
-              'Its parameters: ros2 param list NODE, ros2 param describe NODE NAME\n'
-              'All of them are described in docs/ros_interface.md.')
+        print(f'usage: {program} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]',
+              'topics and services of a running node: ros2 node info NODE',
+              'its parameters: ros2 param list NODE, ros2 param describe NODE NAME',
+              'all of them are described in docs/ros_interface.md', sep='\n')
         return 0
     if wrong := refused(given):
         _fail(program, wrong)

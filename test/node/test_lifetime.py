@@ -208,7 +208,7 @@ def test_lost_messages_are_counted_by_their_numbers(ros, health):
     ros.until(accounted_for)
     line = Varying(
         f'<number> messages on {driver.topic} lost in the last 30 s: ask for reliable delivery '
-        'with qos_overrides, and for a depth of 2.5 s of messages')
+        'and a queue for 2.5 s of messages, with qos_overrides')
     # Said while it is recent, which on a busy machine it no longer is by now.
     assert health.said('reception', line, b'\1')
     assert node.lines.count(line) >= 1

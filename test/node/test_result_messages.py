@@ -131,8 +131,8 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
     ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
     ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
     ('reception', facts({'lost': 12}), summary(), WARN,
-     '12 messages on /imu lost in the last 30 s: ask for reliable delivery with qos_overrides, '
-     'and for a depth of 2.5 s of messages'),
+     '12 messages on /imu lost in the last 30 s: ask for reliable delivery and a queue for '
+     '2.5 s of messages, with qos_overrides'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
