@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, MISSING
 from functools import cache
 import json
-import math
 import types
 from typing import Annotated, Any, get_args, get_origin, get_type_hints, Literal, Union
 
@@ -79,13 +78,12 @@ def checked(kind: Any, value: Any, where: str) -> Any:
             raise ImuAllanError(f'{where}: {shorten(repr(value))} is not one of '
                                 f'{", ".join(get_args(kind))}')
         return value
-    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise ImuAllanError(f'{where}: {value} is not a finite number')
-        if abs(value) >= _LARGEST:
-            raise ImuAllanError(f'{where}: {value} is beyond {_LARGEST:g}')
-        return float(value)
-    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
+    if kind in (float, int) and isinstance(value, (int, kind)) and not isinstance(value, bool):
+        # Of NaN, too.
+        if not abs(value) < _LARGEST:
+            raise ImuAllanError(f'{where}: {shorten(str(value), 20)} is not below {_LARGEST:g}')
+        return kind(value)
+    if kind is not int and isinstance(value, kind):
         return value
     raise ImuAllanError(f'{where}: expected {kind.__name__}, found {type(value).__name__}')
 

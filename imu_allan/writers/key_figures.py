@@ -203,20 +203,8 @@ def longer_recording_note(result: Result) -> str:
     """State what a longer recording would bring, by the Fisher information of the fitted model."""
     halves = [c.ci_halves_in_s for axis in result.axes.values()
               for c in axis.coefficients.values() if c.ci_halves_in_s]
-    first: dict[str, tuple[float, str]] = {}
-    for name, axis in result.axes.items():
-        for c in axis.coefficients.values():
-            if c.observable_in_s:
-                wait = c.observable_in_s, name
-                first[c.symbol] = min(first.get(c.symbol, wait), wait)
-    parts = []
-    if halves:
-        parts.append(f'all intervals half as wide after another {wording.about(max(halves))}')
-    if first:
-        parts.append(wording.listed([
-            f'{symbol} of {wording.named([name])} after {wording.about(wait)}'
-            for symbol, (wait, name) in first.items()]) + ' at the earliest')
-    return f'Recording on: {"; ".join(parts)}.' if parts else ''
+    return (f'Recording on: all intervals half as wide after another {wording.about(max(halves))}.'
+            if halves else '')
 
 
 def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str

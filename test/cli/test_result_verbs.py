@@ -230,10 +230,11 @@ def test_a_folder_of_a_result_is_that_result(result_file, tmp_path, output_of, f
 
 
 @pytest.mark.parametrize(('key', 'reason'), [
-    ('samples', 'expected int, found float'), ('sample_rate_hz', 'inf is not a finite number')])
+    ('samples', '999999999…999999999 is not below 1e+60'),
+    ('sample_rate_hz', '999999999…999999999 is not below 1e+60')])
 def test_a_number_of_many_digits_is_one_line(result_file, tmp_path, fails_with, key, reason):
     text, found = re.subn(
-        rf'("{key}": )[\d.]+', rf'\g<1>{"9" * 5000}', result_file.read_text(), count=1)
+        rf'("{key}": )[\d.]+', rf'\g<1>{"9" * 400}', result_file.read_text(), count=1)
     assert found == 1
     (tmp_path / 'damaged.json').write_text(text)
     fails_with(f'{tmp_path}/damaged.json.timeline.{key}: {reason}', 'export',
