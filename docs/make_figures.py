@@ -27,7 +27,7 @@ from imu_allan.writers.figure_style import (
     COLOURS,
     DASHES,
     empty_figure,
-    frame_allan,
+    frame,
     MARKERS,
     plot_style,
 )
@@ -77,7 +77,7 @@ def beside(results: Mapping[str, Result], path: Path) -> None:
         figure = empty_figure(11.0, 3.0 + 0.45 * len(results))
         panel = figure.add_axes((0.6, 0.14, 0.345, 0.74))
         axes = [result.axes['gyro_x'] for result in results.values()]
-        frame_allan(panel, 'gyro', limits_of(axes))
+        frame(panel, 'gyro', limits_of(axes))
         for place, (name, result) in enumerate(results.items()):
             letter = 'xyz'[place]
             shown = {f'gyro_{letter}': result.axes['gyro_x']}

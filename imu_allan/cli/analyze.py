@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
               else '--for' if args.consumers and args.output is None else None)
     _require_right_usage(args, apart, of_one)
     output = None if args.output is None else Path(args.output)
-    gathering = FleetResults(output, apart=apart)
+    gathering = FleetResults(output)
     tasks = _tasks(args, choice, output, gathering)
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
@@ -204,7 +204,8 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     """Print a result, whose folder has been written already."""
     from imu_allan.writers.filters import export
     from imu_allan.writers.result_file import save_result
-    from imu_allan.writers.table import print_result
+    from imu_allan.writers.table import result_table
+    from imu_allan.writers.terminal import console_of
     from imu_allan.writers.verdict_lines import verdict_lines
 
     try:
@@ -220,7 +221,8 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         else:
             if not first:
                 print(file=table)
-            print_result(result, to=table, units=args.units, verbose=args.verbose)
+            console = console_of(table)
+            console.print(result_table(result, console.width, args.units, verbose=args.verbose))
         table.flush()
         print('\n'.join(configurations), end='')
         sys.stdout.flush()

@@ -36,14 +36,9 @@ def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), {'': 1.0, 'hz': 1.0, 'khz': 1e3},
                        f'{text!r} is no rate: write Hz (100), or a number with Hz or kHz (2kHz)')
-    # Thirty times the rate of the fastest IMUs.
-    if value > 1e6:
-        raise argparse.ArgumentTypeError(f'{text}: no IMU gives so many samples a second; give '
-                                         'the rate in Hz')
-    # Slower than any IMU; at this rate, times of many days still fit into nanoseconds.
-    if 0 < value < 1e-3:
-        raise argparse.ArgumentTypeError(f'{text}: no IMU gives so few samples a second; give the '
-                                         'rate in Hz')
+    # From thirty times the rate of the fastest IMUs down to times of many days in nanoseconds.
+    if value > 0 and not 1e-3 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f'{text}: no IMU has such a rate; give the rate in Hz')
     return _above_zero(value, text)
 
 

@@ -19,19 +19,15 @@ if TYPE_CHECKING:
 class FleetResults:
     """Collects the results of many recordings, without the parts that a fleet does not need."""
 
-    def __init__(self, output: Path | None, *, apart: bool = False) -> None:
+    def __init__(self, output: Path | None) -> None:
         self.complaints: list[ImuAllanError] = []
         self._output = output
-        # Results of topics alone are not kept: those of 65,000 would take 2.5 GB.
-        self._wanted = apart or output is not None
         self._results: dict[str, Result] = {}
         self._failures: list[tuple[str, str, str]] = []
         self._means: dict[tuple[float, ...], str] = {}
 
     def add(self, task: Task, result: 'Result') -> None:
         """Add a result; one from the same messages as an earlier one counts as a failure."""
-        if not self._wanted:
-            return
         # Two recordings never have the same means to the last digit, except on dead axes.
         means = tuple(axis.mean for axis in result.axes.values()
                       if axis.mean is not None and not axis.constant)
@@ -54,8 +50,7 @@ class FleetResults:
             error = ImuAllanError(f'{path}: an unexpected {type(error).__name__} ({error}); '
                                   'the traceback above shows a bug, please report it')
         self.complaints.append(error)
-        if self._wanted:
-            self._failures.append((unit, path, str(error)))
+        self._failures.append((unit, path, str(error)))
 
     def finish(self) -> None:
         """Print the table of all units, and write the files of the fleet if there is a folder."""

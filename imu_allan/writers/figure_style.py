@@ -75,13 +75,6 @@ def plot_style() -> Iterator[None]:
         yield
 
 
-def frame_allan(panel: Axes, sensor: str, limits: tuple[float, float], *,
-                left: bool = True, right: bool = True) -> None:
-    """Set scales, limits and labels of an Allan deviation panel; SI is on the right."""
-    _frame(panel, sensor, 1, limits, 'averaging time τ [s]',
-           f'Allan deviation of {SAMPLES[sensor]}', left, right)
-
-
 def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[AxisResult]]
                  ) -> Iterator[tuple[str, Axes]]:
     """Yield every axis with its panel: one row per sensor, with a common scale."""
@@ -90,30 +83,27 @@ def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[A
         limits = limits_of([axis for name in names for axis in curves[name]])
         for column, name in enumerate(names):
             panel = figure.add_subplot(grid[row, column])
-            frame_allan(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)
+            frame(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)
             panel.set_title(name.replace('_', ' '), loc='left')
             yield name, panel
 
 
-def frame_density(panel: Axes, sensor: str, limits: tuple[float, float], *,
-                  left: bool = True, right: bool = True) -> None:
-    """Set scales, limits and labels of a spectrum panel; SI is on the right."""
-    _frame(panel, sensor, 2, limits, 'frequency [Hz]', 'PSD (two-sided)', left, right)
-
-
-def _frame(panel: Axes, sensor: str, power: int, limits: tuple[float, float], x_title: str,
-           y_title: str, left: bool, right: bool) -> None:
+def frame(panel: Axes, sensor: str, limits: tuple[float, float], *, of_spectrum: bool = False,
+          left: bool = True, right: bool = True) -> None:
+    """Set scales, limits and labels of a panel of Allan deviation or spectrum; SI is right."""
+    x_title, y_title = ('frequency [Hz]', 'PSD (two-sided)') if of_spectrum else (
+        'averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]}')
     panel.set_xscale('log')
     panel.set_yscale('log')
     panel.set_ylim(*limits)
     panel.grid(True)
     unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
     factor, other = engineering(1.0, unit)
-    factor **= power
+    factor **= 2 if of_spectrum else 1
     _mark_powers(panel.xaxis)
     _mark_powers(panel.yaxis, limits, factor)
     panel.set_xlabel(x_title)
-    si, shown = (f'({typeset(text)})²/Hz' if power == 2 else typeset(text)
+    si, shown = (f'({typeset(text)})²/Hz' if of_spectrum else typeset(text)
                  for text in (unit, other))
     if left:
         panel.set_ylabel(f'{y_title} [{shown}]')

@@ -40,7 +40,7 @@ class KeyFigures:
 
     Attributes
     ----------
-    sensor, title : str
+    sensor : {'gyro', 'accel'}
     constant : bool
         Whether every sample of every axis is the same.
     worst : mapping of str to (str, Coefficient)
@@ -62,7 +62,6 @@ class KeyFigures:
     """
 
     sensor: str
-    title: str
     constant: bool
     worst: Mapping[str, tuple[str, Coefficient]]
     tunings: Mapping[str, FilterTuning]
@@ -86,7 +85,7 @@ def key_figures(result: Result, aiding_s: float = AIDING_S, coast_s: float = COA
             with suppress(ImuAllanError):
                 tunings[name] = tune(axis, aiding_s, coast_s)
         found.append(KeyFigures(
-            sensor, wording.SENSORS[sensor], all(axis.constant for axis in axes.values()),
+            sensor, all(axis.constant for axis in axes.values()),
             {key: (worst[-1], axes[worst].coefficients[key])
              for key in ('noise_density', 'rate_random_walk')
              for worst in [worst_of(axes, key)] if worst is not None},

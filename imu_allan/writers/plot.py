@@ -22,8 +22,7 @@ from imu_allan.writers.figure_style import (
     COLOURS,
     DASHES,
     empty_figure,
-    frame_allan,
-    frame_density,
+    frame,
     MARKERS,
     plot_style,
 )
@@ -70,7 +69,7 @@ def _axis_figure(axis: AxisResult) -> 'Figure':
     with plot_style():
         figure = empty_figure(7.0, 5.0)
         panel = figure.add_axes((0.13, 0.11, 0.73, 0.85))
-        frame_allan(panel, sensor, curves.limits_of([axis], rings=True))
+        frame(panel, sensor, curves.limits_of([axis], rings=True))
         draw_curve(panel, axis, COLOURS['x'])
         draw_terms(panel, axis)
     return figure
@@ -94,7 +93,7 @@ def overview_figure(result: Result) -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
-            frame_allan(panel, sensor, curves.limits_of(axes.values()))
+            frame(panel, sensor, curves.limits_of(axes.values()))
             # The table above names the axes by their markers.
             for name, axis in axes.items():
                 if any(axis.curve.adev):
@@ -119,14 +118,14 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
             colour, marker = COLOURS[name[-1]], MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
-            frame_allan(allan, sensor, limits, **ends)
+            frame(allan, sensor, limits, **ends)
             draw_curve(allan, axis, colour, marker, result.timeline)
             draw_terms(allan, axis)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             draw_density(density, axis, result.timeline, colour)
-            frame_density(density, sensor,
-                          curves.density_limits(axes.values(), result.timeline), **ends)
+            frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
+                  of_spectrum=True, **ends)
             first = [first[0] or allan, first[1] or density]
         draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
         return figure

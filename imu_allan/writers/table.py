@@ -10,11 +10,10 @@ from a recording never reaches the terminal as markup or control sequences.
 from collections.abc import Sequence
 from io import StringIO
 from itertools import product, zip_longest
-from typing import TextIO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from imu_allan import wording
 from imu_allan.errors import printable
-from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, in_full
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Coefficient, Result
@@ -27,25 +26,16 @@ from imu_allan.writers.key_figures import (
     longer_recording_note,
     written_mean,
 )
-from imu_allan.writers.terminal import console_of, wrapped
+from imu_allan.writers.terminal import wrapped
 from imu_allan.writers.verdict_lines import COLUMNS, good_to_know, Units, verdict_lines
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
     from rich.text import Text
 
 
-def print_result(result: Result, console: 'Console | None' = None, *,
-                 to: TextIO | None = None, units: Units = 'datasheet', verbose: bool = False
-                 ) -> None:
-    """Print verdict, coefficients and findings; with `verbose` perhaps more than one screen."""
-    if console is None:
-        console = console_of(to)
-    console.print(result_table(result, console.width, units, verbose=verbose))
-
-
 def result_text(result: Result) -> str:
-    """Return the verbose output of `print_result` without colours."""
+    """Return the verbose result for 80 columns, without colours."""
     from rich.console import Console
 
     text = StringIO()
@@ -73,7 +63,9 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     notes = list(wrapped(_notes(result), width, 'dim')) if verbose else []
     said = [line for severity, text in in_full(full, together=not verbose)
             for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
-    names = _good_to_know(known, width)
+    names = min((list(wrapped(filter(None, [good_to_know(known, more)]), width, 'dim'))
+                 for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')),
+                key=len)
     count = list(wrapped([f'Good to know: {wording.counted(len(known), "finding")} (--verbose).']
                          if known else [], width, 'dim'))
     middles = [tables]
@@ -147,7 +139,8 @@ def _cells(result: Result, figures: KeyFigures, units: Units, *, verbose: bool,
             Text.assemble(('' if axis.mean is None else written_mean(
                 axis, axis.mean, result.timeline.rest_s, unit)[0], 'dim'))
             for axis in axes.values()), Text()])
-    heading = [figures.title, *(name[-1] for name in axes), 'filter' if filters else '']
+    heading = [wording.SENSORS[figures.sensor], *(name[-1] for name in axes),
+               'filter' if filters else '']
     return [[Text(word, 'bold') for word in heading], *rows] if rows else []
 
 
@@ -192,10 +185,3 @@ def _notes(result: Result) -> list[str]:
     if longer := longer_recording_note(result):
         words.append(longer)
     return [' '.join(words)]
-
-
-def _good_to_know(found: Sequence[Finding], width: int) -> 'list[Text]':
-    """Return lines that count and name the findings not shown in full."""
-    said = [list(wrapped(filter(None, [good_to_know(found, more)]), width, 'dim'))
-            for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')]
-    return min(said, key=len)

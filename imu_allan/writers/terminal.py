@@ -29,7 +29,7 @@ def console_of(to: TextIO | None = None) -> 'Console':
             raise BrokenPipeError
 
     console = Quiet(file=to, highlight=False)
-    if not console.is_terminal and _stated() is None:
+    if not console.is_terminal and not os.environ.get('COLUMNS', '').isdigit():
         console.width = _UNBROKEN
     return console
 
@@ -65,8 +65,3 @@ def print_wrapped(text: str) -> None:
     """Print a text on standard output, wrapped to the terminal."""
     console = console_of()
     console.print(*wrapped([text], console.width), sep='\n')
-
-
-def _stated() -> int | None:
-    text = os.environ.get('COLUMNS', '')
-    return int(text) if text.isascii() and text.isdigit() and 0 < int(text) < _UNBROKEN else None

@@ -61,7 +61,7 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
     ('analyze bag --rate fast', NO_RATE.format('fast')),
     ('analyze bag --rate 1e9',
-     'argument --rate: 1e9: no IMU gives so many samples a second; give the rate in Hz'),
+     'argument --rate: 1e9: no IMU has such a rate; give the rate in Hz'),
     ('analyze bag --clock none', '--clock none needs --rate'),
     ('analyze bag --start -1', 'argument --start: -1 is below zero'),
     ('analyze bag --start 1e300', 'argument --start: 1e300 is more than a hundred years'),

@@ -18,7 +18,7 @@ from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.report import report_html
 from imu_allan.writers.result_file import load_result
-from imu_allan.writers.table import print_result
+from imu_allan.writers.table import result_table
 import mutations
 from mutations import run_command
 import pytest
@@ -79,7 +79,7 @@ class Judge:
             run_command('export', self.file, '--for', consumer)
         HTMLParser().feed(report_html(result))
         console = Console(file=io.StringIO(), width=110)
-        print_result(result, console)
+        console.print(result_table(result, console.width))
         mutations.assert_harmless_on_a_terminal(console.file.getvalue())
         # Figures take seconds, nearly all of it the time of matplotlib.
         if choice.random() < self.share_drawn:

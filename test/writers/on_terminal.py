@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_allan.result import Curve, Result
-from imu_allan.writers.table import print_result
+from imu_allan.writers.table import result_table
 from rich.console import Console, RenderableType
 
 FLAT = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
@@ -19,7 +19,8 @@ def printed(result: Result, width: int = 80, units: str = 'datasheet', verbose: 
             **options: Any) -> str:
     """Return a result as the command prints it; `options` are those of the console."""
     out = io.StringIO()
-    print_result(result, Console(file=out, width=width, **options), units=units, verbose=verbose)
+    Console(file=out, width=width, highlight=False, **options).print(
+        result_table(result, width, units, verbose=verbose))
     return out.getvalue()
 
 

@@ -141,13 +141,9 @@ class Numbers:
             raise ImuAllanError(f'no configuration for {name}: no axis of this result has a '
                                 f'noise density ({why}')
 
-    def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
-        """Return the axes of a sensor that are in the result."""
-        return axes_of(self.result, sensor)
-
     def known(self, sensor: Sensor, key: Key) -> dict[str, Number]:
         """Return this number for the axes of a sensor that have it."""
-        return {name: self.of_axis[name][key] for name in self.axes(sensor)
+        return {name: self.of_axis[name][key] for name in axes_of(self.result, sensor)
                 if key in self.of_axis[name]}
 
     def worst(self, sensor: Sensor, key: Key) -> tuple[str, Number] | None:
@@ -198,7 +194,7 @@ class Numbers:
     def rate(self, sensor: Sensor | None = None) -> float:
         """Return the rate of the consumer, or of the messages of a sensor."""
         of_messages = None if sensor is None or not self.consumer.per_message else next(
-            (axis.sample_rate_hz for axis in self.axes(sensor).values()
+            (axis.sample_rate_hz for axis in axes_of(self.result, sensor).values()
              if axis.sample_rate_hz is not None), None)
         rate = (self.options.rate_hz or of_messages or self.consumer.predicts_hz
                 or self.result.timeline.sample_rate_hz)

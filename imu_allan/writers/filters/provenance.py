@@ -7,6 +7,7 @@ from imu_allan.finding_messages import trend_notes, why_left_out
 from imu_allan.tuning.tune import assess
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration, ranged
+from imu_allan.writers.curves import axes_of
 from imu_allan.writers.filters.chosen_numbers import Numbers, Sensor, SENSORS
 
 
@@ -101,7 +102,8 @@ def _consistency(numbers: Numbers) -> list[str]:
         return []
     lines = []
     for sensor in SENSORS:
-        given = {name: numbers.given(sensor, name) for name, axis in numbers.axes(sensor).items()
+        given = {name: numbers.given(sensor, name)
+                 for name, axis in axes_of(numbers.result, sensor).items()
                  if axis.drift_model is not None and numbers.of_axis[name]}
         met = [assess(numbers.result.axes[name], own['N'].value, own['K'].value, aiding_s,
                       coast_s, own['Tc'].value if 'Tc' in own else None)
@@ -117,10 +119,10 @@ def _consistency(numbers: Numbers) -> list[str]:
 
 def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
     """Return which axes have no numbers, and why."""
-    if not numbers.axes(sensor):
+    if not axes_of(numbers.result, sensor):
         return [f'This result has no {SENSORS[sensor]}: its numbers are left out.']
     said = []
-    for name, axis in numbers.axes(sensor).items():
+    for name, axis in axes_of(numbers.result, sensor).items():
         if axis.high_passed_hz is not None:
             said.append(f'{name} has come through a FILTER that takes out its slow part: it '
                         'is in none of the numbers below; take the raw topic')

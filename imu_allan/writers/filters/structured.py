@@ -12,6 +12,7 @@ from math import pi, sqrt
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
+from imu_allan.writers.curves import axes_of
 from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, times
 from imu_allan.writers.filters.provenance import provenance
 from imu_allan.writers.filters.template import (
@@ -102,7 +103,7 @@ def gazebo(numbers: Numbers) -> str:
     tags: dict[Sensor, str] = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
     for sensor, tag in tags.items():
         lines.append(f'  <{tag}>')
-        for name in numbers.axes(sensor):
+        for name in axes_of(numbers.result, sensor):
             noise = expanded(numbers, f"""    <{name[-1]}><noise type="gaussian">
       <mean>0</mean>
       <stddev>{{{name} N sqrt(f)}}</stddev>""")
