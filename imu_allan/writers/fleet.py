@@ -47,7 +47,7 @@ from imu_allan.wording import (
     spoken,
 )
 from imu_allan.writers.atomic import write_files
-from imu_allan.writers.curves import axes_of
+from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.figure_style import DARK
 from imu_allan.writers.fleet_figure import curves_figure
 from imu_allan.writers.key_figures import worst_of
@@ -93,11 +93,7 @@ class Fleet:
         return population(self.results)
 
     def reasons(self, unit: str) -> list[str]:
-        """Return why a unit is an outlier, one sentence per outlier."""
-        return [sentence(outlier) for outlier in self.population.outliers if outlier.unit == unit]
-
-    def grouped_reasons(self, unit: str) -> list[str]:
-        """Return the same, but with one sentence per quantity that is odd on several axes."""
+        """Return why a unit is an outlier, one sentence per quantity that is odd on some axes."""
         groups: dict[tuple[object, ...], list[Outlier]] = {}
         for outlier in self.population.outliers:
             if outlier.unit == unit:
@@ -180,7 +176,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
     parts += wrapped([', '.join(counts(fleet))], width, 'bold')
     for unit in fleet.population.outlier_units:
-        parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.grouped_reasons(unit))}'],
+        parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.reasons(unit))}'],
                          width, 'yellow')
     for failure in fleet.failures:
         parts += wrapped([f'{printable(failure.unit)}: {printable(failure.reason)}'], width, 'red')
@@ -331,9 +327,7 @@ def _worst(result: Result, sensor: str, key: str) -> str:
     worst = worst_of(axes, key)
     if worst is None:
         return ''
-    found = axes[worst].coefficients[key]
-    reported = rounded if found.value is not None else bounded
-    return reported(engineering(found.value or found.upper95 or 0.0, found.unit)[0])
+    return (reported(axes[worst].coefficients[key]) or ('',))[0]
 
 
 def _link(fleet: Fleet, unit: str) -> str | None:

@@ -154,7 +154,7 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
             lines += [f'  {figures.sensor:<5}  worst axis {axis}: '
                       f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
                       for axis, worst in figures.worst.values()]
-    lines += _measured_beside(found, width) if measured else []
+    lines += _measured_beside(found) if measured else []
     drifts = {figures.sensor: _unaided(figures, result.timeline.rest_s) for figures in found
               if figures.forecast}
     head = f'Unaided drift after {wording.duration(coast_s)}:'
@@ -169,23 +169,14 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
     return lines
 
 
-def _measured_beside(found: Sequence[KeyFigures], width: int) -> list[str]:
-    """Say in SI what was measured as K where a tuned one is given, with intervals if they fit."""
-    measured_k = {figures.sensor: figures.worst['rate_random_walk'][1] for figures in found
-                  if figures.for_filter and 'rate_random_walk' in figures.worst}
-    if not measured_k:
-        return []
-    in_full, brief = ('  measured K: ' + '; '.join(
-        f'{sensor} {_measured(coefficient, ends=ends)}'
-        for sensor, coefficient in measured_k.items()) for ends in (True, False))
-    return [in_full if len(in_full) <= width else brief]
-
-
-def _measured(coefficient: Coefficient, *, ends: bool) -> str:
-    value, *interval = reported(coefficient, si=True)
-    if not interval:
-        return f'not visible, {value}'
-    return f'{value} ({" to ".join(interval)})' if ends else value
+def _measured_beside(found: Sequence[KeyFigures]) -> list[str]:
+    """Say in SI what was measured as K where a tuned one is given."""
+    measured = {figures.sensor: reported(figures.worst['rate_random_walk'][1], si=True)
+                for figures in found
+                if figures.for_filter and 'rate_random_walk' in figures.worst}
+    words = (f'{sensor} {said[0] if len(said) > 1 else f"not visible, {said[0]}"}'
+             for sensor, said in measured.items())
+    return [f'  measured K: {"; ".join(words)}'] if measured else []
 
 
 def _unaided(figures: KeyFigures, rest_s: float) -> str:
