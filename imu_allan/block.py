@@ -93,7 +93,7 @@ class EvenBlock:
         The length of the gap before this block is unknown (clock jump, restart, resume). Its
         position on the grid is then unrelated to the previous block.
     restart : bool
-        All previous blocks are void: they held one constant value, before the sensor started.
+        All previous blocks are void: they were motion, before the first rest.
     start_s : float
         Time of the first row since the first sample, by the clock in use.
 

@@ -94,7 +94,6 @@ CODES: Mapping[str, Code] = {
     'many_missing': _act(share=Share, density_error_share=Share | None),
     'spikes': _know(messages=Count),
     'field_absent': _act(messages=Count),
-    'axis_absent_in_part': _know(absent=Count, messages=Count),
     'interpolated': _act(topic=Text, half=Text),
     'damaged_recording': _know(
         fault=Literal['chunks', 'holes', 'database', 'bytes', 'file', 'unread'],
@@ -145,8 +144,6 @@ CODES: Mapping[str, Code] = {
     'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
     'clock_jumps': _know(clock=Text, count=Count),
     'held_values': _know(share=Share),
-    'late_start': _know(messages=Count),
-    'axis_late_start': _know(late=Count, messages=Count),
     'unit_g': _know(),
     'two_rates': _know(
         sensors=tuple[Text, ...], topics=tuple[Text, ...], rates_hz=tuple[Hertz | None, ...]),

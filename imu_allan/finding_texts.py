@@ -364,17 +364,13 @@ WORDS: Mapping[str, Words] = {
         says=_spikes,
         do='look for errors on the bus of the sensor, or for knocks'),
     'field_absent': Words(
-        'absent field', 'Some messages lack a sensor and are left out.',
-        'Their covariance[0] is -1: not provided.',
-        says='{messages} messages declare angular velocity or linear acceleration as not provided '
-             '(covariance[0] is -1), others do not: they are left out',
-        do='let the driver fill in both, or publish them apart',
-        brief='some messages lack a sensor'),
-    'axis_absent_in_part': Words(
-        'absent in part', 'The record of this axis is shorter.',
-        'Values are NaN for a while, or declared absent.',
-        says='no values in {absent:d} of {messages} messages (NaN, or covariance[0] is -1)',
-        do='look at the cable and the driver of this axis'),
+        'absent field', 'Some messages lack an axis that others have.',
+        'Values are NaN, or covariance[0] is -1: not provided.',
+        says='{messages} messages have values on other axes than the first ones (NaN, or '
+             'covariance[0] is -1). Axes that the first lack are not used, nor are messages that '
+             'lack others',
+        do='let the driver fill in both sensors in each message, or publish them apart',
+        brief='some messages lack an axis'),
     'interpolated': Words(
         'interpolated',
         'The driver interpolates one sensor: its white noise is a third too low and not white.',
@@ -577,15 +573,6 @@ WORDS: Mapping[str, Words] = {
         says='{share:%} of the messages repeat the values of the one before: the sensor is polled '
              'faster than it samples',
         do='its own rate is used and the repeats are left out'),
-    'late_start': Words(
-        'late start', 'The first messages hold nothing and are left out.',
-        'They repeat one value, or none.',
-        says='the first {messages} messages hold one value or none: the sensor had not started '
-             'yet, they are left out'),
-    'axis_late_start': Words(
-        'late axis', 'The record of this axis begins later.', 'It holds one value at first.',
-        says='one value for the first {late:d} of {messages} messages: the axis had not started '
-             'yet'),
     'unit_g': Words(
         'unit g', 'Acceleration in g was converted to m/s^2.', 'Its magnitude is near 1.',
         says='the magnitude of the acceleration is near 1: taken as g, not m/s^2',

@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Accumulated data of one IMU, in groups of axes that come and go together."""
+"""Accumulated data of one IMU: of all axes together, or of each sensor where one was turned."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import sqrt
 
@@ -55,14 +54,12 @@ class LatestRows(Record):
 
 @dataclass
 class Group(Record):
-    """Axes that have always been present together."""
+    """Axes whose runs begin together."""
 
     columns: Ints    # indices among the six axes
     estimator: Estimator
     thermometer: Thermometer    # with the grid places of the samples of these axes
     end: int = 0    # grid place after the newest sample
-    new_run: bool = False    # whether a run has begun since then
-    away: bool = False    # whether the newest block lacked these axes
     moved: bool = False    # whether their means are others in the next block
     latest: LatestRows = field(default_factory=LatestRows)
 
@@ -90,9 +87,9 @@ class Group(Record):
 
     def add(self, block: EvenBlock, epoch_ns: int | None, interval_ns: float | None) -> None:
         """
-        Add a block that has these axes.
+        Add a block, whose other axes are ignored.
 
-        `block`: its other axes are ignored. `epoch_ns`: stamp of the clock in use at time zero of
+        `epoch_ns`: stamp of the clock in use at time zero of
         the block's `start_s`. `interval_ns`: sample interval by the clock.
         """
         estimator, skipped = self.estimator, 0
@@ -101,7 +98,7 @@ class Group(Record):
             # Samples left out at the very beginning still take up time.
             estimator.signal.skip(block.first_index)
             skipped = block.first_index
-        elif block.new_run or self.new_run:
+        elif block.new_run:
             estimator.start_run()
         elif block.first_index > self.end:
             skipped = block.first_index - self.end
@@ -110,7 +107,7 @@ class Group(Record):
                 estimator.signal.skip(skipped)
             else:
                 estimator.skip(skipped)
-        self.new_run = self.moved = self.away = False
+        self.moved = False
         first = last = None
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)
@@ -133,7 +130,7 @@ class Group(Record):
 
 @dataclass(frozen=True)
 class FinishedGroup:
-    """Data of axes that were always present together."""
+    """Data of axes whose runs begin together."""
 
     names: list[str]
     estimator: Estimator    # finished, of these axes
@@ -172,28 +169,3 @@ class FinishedRecord:
     def group_of(self, name: str) -> FinishedGroup:
         """Return the group that an axis belongs to."""
         return next(group for group in self.groups if name in group.names)
-
-
-def groups_of(groups: Sequence[Group], there: Bools, readings: Thermometer) -> list[Group]:
-    """
-    Split groups, and add one, if some of their axes have left or come.
-
-    `groups`: kept as they are if nothing changes. `there`, shape (6,): axes that the next block
-    has. `readings`: for a new group, with all readings so far and no samples.
-    """
-    found: list[Group] = []
-    for group in groups:
-        stays = there[group.columns]
-        if group.away and stays.any():
-            # An axis that comes back after giving a single value was dead, and starts afresh.
-            kept = ~(stays & group.estimator.constant)
-            if not kept.any():
-                continue
-            group, stays = group.part(kept), stays[kept]
-        whole = stays.all() or not stays.any()
-        found += [group] if whole else [group.part(stays), group.part(~stays)]
-    new = np.setdiff1d(np.flatnonzero(there), [
-        column for group in found for column in group.columns.tolist()])
-    if len(new):
-        found.append(Group(new, Estimator(len(new)), readings))
-    return found

@@ -16,7 +16,7 @@ from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
-from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group, groups_of
+from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group
 from imu_allan.characterization.noise_findings import (
     drift_of_halves_findings,
     length_findings,
@@ -30,6 +30,7 @@ from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.noise.uncertainty import bounded, leaked_share, widened
 from imu_allan.result import AxisResult, Result, Source
@@ -298,18 +299,12 @@ class Characterization:
                 # A jump of the clock begins a run, and blocks held back until then belong before
                 # it.
                 memory.epoch_ns = self.timeline.epoch_ns
-            there = np.isfinite(block.samples[0])
-            known = [group.columns for group in memory.groups]
-            if len(known) != 1 or not np.array_equal(np.flatnonzero(there), known[0]):
-                memory.groups = groups_of(memory.groups, there, self._readings())
-                for group in memory.groups:
-                    group.new_run |= block.new_run
-                    group.away |= not there[group.columns[0]]
-            memory.groups = [part for group in memory.groups for part in (
-                group.parted(block) if there[group.columns[0]] else [group])]
+            if not memory.groups:
+                columns = np.flatnonzero(np.isfinite(block.samples[0]))
+                memory.groups = [Group(columns, Estimator(len(columns)), self._readings())]
+            memory.groups = [part for group in memory.groups for part in group.parted(block)]
             for group in memory.groups:
-                if there[group.columns[0]]:
-                    group.add(block, memory.epoch_ns, self.timeline.interval_ns)
+                group.add(block, memory.epoch_ns, self.timeline.interval_ns)
 
     def _readings(self) -> Thermometer:
         """Return a thermometer with all readings so far, and no samples."""

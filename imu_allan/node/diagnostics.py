@@ -21,9 +21,8 @@ from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
 
-_PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
-                     'frozen', 'late_start', 'motion', 'rest_within_motion', 'several_frames',
-                     'spikes'})
+_PASSED = frozenset({'clock_jumps', 'field_absent', 'frozen', 'motion', 'rest_within_motion',
+                     'several_frames', 'spikes'})
 """Codes of findings whose cause may be over; the counts show whether it persists."""
 
 SILENT_S = 2.0
@@ -190,7 +189,7 @@ def unusable(summary: TimelineSummary) -> int:
     """Return the number of rejected messages, without those that a finding counts."""
     return summary.timeline.rejected - sum(
         int(remark.values['messages']) for remark in summary.remarks
-        if remark.code in ('spikes', 'frozen', 'late_start'))
+        if remark.code in ('spikes', 'frozen'))
 
 
 def _timeline(facts: Facts, summary: TimelineSummary) -> Status:

@@ -1,24 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which axes are alive, judged by the values of messages, whatever their stamps.
+Whether a sensor gives new values, judged by the values of messages, whatever their stamps.
 
-*Presence*: a value is unusable if it is NaN, infinite or absurd, or if its field is declared
-absent. Isolated unusable values invalidate their message. If they persist, the axis is gone until
-usable values persist as long; the other axes are not affected.
-
-At first, an axis without noise, a coarse one within one quantization step, and a dead one look the
-same. A coarse axis leaves its value slowly, with an occasional single change. A dead one that
-comes to life changes all the time from then on, and its data begin there.
-
-*Content*: a sensor whose noise spans its resolution never gives the same six values twice. If
-messages repeat them, they were polled faster than the sensor samples (held), or the driver
-continues without the sensor (frozen). A coarse output repeats itself by nature and is kept.
+A sensor whose noise spans its resolution never gives the same six values twice. If messages repeat
+them, they were polled faster than the sensor samples (held), or the driver continues without the
+sensor (frozen). A coarse output repeats itself by nature and is kept.
 """
 
 from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array, Bools, runs
+from imu_allan.arrays import Array, Bools
 from imu_allan.state import Record
 from imu_allan.timeline.foreign_samples import LARGEST, may_have_outlier, noise_of_steps, spikes
 from imu_allan.timeline.stamps import count_in_runs, off_a_line
@@ -26,9 +18,6 @@ import numpy as np
 
 FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
-
-SPARSE = 16
-"""One in this many samples enters the mean acceleration, which needs no more."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +28,6 @@ class Repeats:
     held: Bools
     frozen: Bools
     spikes: Bools  # isolated outliers
-    # Whether the sensor has just started: everything before the window was one frozen value.
-    started: bool = False
     # Whether repeats come evenly, as from polling, and not in place of new samples.
     evenly: bool = False
 
@@ -55,7 +42,6 @@ class Content(Record):
     changes: int = 0
     changed: list[int] = field(default_factory=lambda: [0] * 6)
     repeats: int = 0  # messages equal to the one before, in runs too short to be frozen
-    head: int = 0  # messages before the first change
     settled: bool = False  # whether the axes are known to be noisy
     held: bool = False  # whether repeats are due to polling
     # Messages in frozen runs, and the time in seconds at which the first one began.
@@ -134,8 +120,6 @@ class Content(Record):
         same: Bools = ~np.any(differs, axis=1)
         fresh = ~same[:consumed]
         fresh[0] &= not first
-        if not self.changes:
-            self.head += int(np.argmax(fresh)) if fresh.any() else consumed
         run, whole = count_in_runs(same, self.run)
         long = same & (whole >= FROZEN_RUN)
         self.changes += int(np.count_nonzero(fresh))
@@ -145,13 +129,12 @@ class Content(Record):
         self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
         if not self.is_noisy or self._alone_is_coarse(known):
             return Repeats(none, none, wild)
-        started = not (self.settled or first) and self.head >= FROZEN_RUN
         self.settled = True
         evenly = _come_evenly(same & ~long)
         # One repeat in five is due to polling, not to an occasional double delivery.
         self.held |= evenly or self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
-        return Repeats(same & ~long if self.held else none, long, wild, started, evenly)
+        return Repeats(same & ~long if self.held else none, long, wild, evenly)
 
 
 def _come_evenly(again: Bools) -> bool:
@@ -164,97 +147,3 @@ def _come_evenly(again: Bools) -> bool:
     if len(again) - len(new) < max(32, 0.03 * len(again)) or len(new) < 64:
         return False
     return float(off_a_line(new).std()) < 0.7
-
-
-@dataclass
-class AxisPresence(Record):
-    """Whether an axis has values, and since when."""
-
-    there: bool = True  # whether it has values now
-    ever: bool = True  # whether it ever had any
-    # Whether it was not finite in the first messages without being declared absent.
-    not_finite: bool = False
-    # Whether it lacks a value in the newest message, and the messages since that changed.
-    bad: bool = False
-    run: int = 0
-    gone: int = 0  # messages in which it was absent while others were present
-    # Messages for which it has kept its first value, and that value; -1 after a change.
-    asleep: int = 0
-    value: float = 0.0
-    late: int = 0  # messages before it came to life
-
-    def look(self, bad: Bools, consumed: int) -> Bools:
-        """Return in which messages the axis is gone; only the first `consumed` count."""
-        gone = np.empty_like(bad)
-        now, before = not self.there, self.run if self.bad == bad[0] else 0
-        for first, last in runs(bad[1:] != bad[:-1], len(bad)):
-            # Longer than an occasional driver fault, and within the look-ahead.
-            if last - first + (before if first == 0 else 0) >= 32:
-                now = bool(bad[first])
-            gone[first:last] = now
-            if first < consumed:
-                self.run = consumed - first + (before if first == 0 else 0)
-        self.bad, self.there = bool(bad[consumed - 1]), not gone[consumed - 1]
-        return gone
-
-    def wakes(self, values: Array, consumed: int) -> slice:
-        """Find the values before the axis comes to life, which must not be used."""
-        known = np.flatnonzero(np.isfinite(values)) if self.asleep >= 0 else np.empty(0, int)
-        now = known[:np.searchsorted(known, consumed)]
-        if not len(now):
-            return slice(0)
-        if self.asleep == 0:
-            self.value = float(values[now[0]])
-        other = np.flatnonzero(values[now] != self.value)
-        if not len(other):
-            self.asleep += len(now)
-            return slice(0)
-        slept, self.asleep = self.asleep + int(other[0]), -1
-        # Decide from the messages that are always available as look-ahead.
-        following = values[known[other[0]:other[0] + 1 + 64]]
-        changes = int(np.count_nonzero(following[1:] != following[:-1]))
-        # Fewer than 32 constant messages affect no result; at the end of a recording, eight later
-        # ones are enough to decide. Noise of a third of a step changes a quarter of them; a slow
-        # drift across a step does not.
-        if slept < 32 or len(following) <= 8 or changes < 0.25 * (len(following) - 1):
-            return slice(0)
-        self.late, row = slept, int(now[other[0]])
-        return slice(max(row - SPARSE, 0), max(row, 1))
-
-
-@dataclass
-class Presence(Record):
-    """Which axes have values, and since when."""
-
-    axes: list[AxisPresence] = field(default_factory=lambda: [AxisPresence() for _ in range(6)])
-    changed: bool = False  # whether an axis has gone or come since the first messages
-
-    def stays(self, samples: Array) -> bool:
-        """Take samples, shape (n, 6), if every axis is there and none wakes; else return False."""
-        if not all(axis.there and (axis.asleep < 0 or (axis.asleep > 0 and bool(
-                (values == axis.value).all())))
-                   for axis, values in zip(self.axes, samples.T, strict=True)):
-            return False
-        for axis in self.axes:
-            axis.asleep += len(samples) if axis.asleep > 0 else 0
-        return True
-
-    def look(self, unusable: Bools, consumed: int) -> Bools:
-        """Find the axes that are gone from unusable values; only the first `consumed` count."""
-        there = [axis.there for axis in self.axes]
-        gone = np.column_stack([axis.look(bad, consumed)
-                                for axis, bad in zip(self.axes, unusable.T, strict=True)])
-        self.changed |= bool((gone[:consumed] == there).any())
-        none = gone[:consumed].all(axis=1)
-        for axis, now in zip(self.axes, gone[:consumed].T, strict=True):
-            axis.gone += int(np.count_nonzero(now & ~none))
-            axis.ever |= not now.all()
-        return gone
-
-    def waking(self, samples: Array, consumed: int) -> Bools:
-        """Find values before an axis comes to life, which must not be used, shape (n, 6)."""
-        away = np.zeros(samples.shape, dtype=bool)
-        for number, axis in enumerate(self.axes):
-            away[axis.wakes(samples[:, number], consumed), number] = True
-        self.changed |= bool(away.any())
-        return away

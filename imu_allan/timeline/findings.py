@@ -27,7 +27,8 @@ Figures = dict[str, dict[str, Any]]
 
 def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """Collect the findings; one about the recording as a whole appears once for each code."""
-    return (*_axes_findings(memory),
+    return (*(finding('axis_not_finite', (name,)) for name, no_number in zip(
+                AXES, memory.decision.not_finite, strict=True) if no_number),
             *(finding(code, **found) for code, found in _figures(memory).items()),
             *_slow_turns(memory.slow_turns))
 
@@ -137,22 +138,9 @@ def _figures(memory: Memory) -> Figures:
     return figures
 
 
-def _axes_findings(memory: Memory) -> list[Finding]:
-    axes, messages = [*zip(AXES, memory.presence.axes, strict=True)], memory.counts.messages
-    # If the whole sensor was dead at first, that is reported as one.
-    return [*(finding('axis_not_finite', (name,)) for name, axis in axes
-              if axis.not_finite and not axis.ever),
-            *(finding('axis_absent_in_part', (name,), absent=axis.gone, messages=messages)
-              for name, axis in axes if axis.gone and axis.ever),
-            *(finding('axis_late_start', (name,), late=axis.late, messages=messages)
-              for name, axis in axes if axis.late > memory.content.head)]
-
-
 def _content_figures(counts: Counts, content: Content) -> Figures:
     figures: Figures = {}
-    if content.frozen and content.frozen <= content.head:
-        figures['late_start'] = {'messages': content.head}
-    elif content.frozen:
+    if content.frozen:
         figures['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
     if content.held and counts.header.repeats >= content.repeats:
         # Polling gives a repeated value another stamp.
@@ -163,8 +151,8 @@ def _content_figures(counts: Counts, content: Content) -> Figures:
     if counts.spikes:
         figures['spikes'] = {'messages': counts.spikes}
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.
-    if counts.absent > 0.01 * counts.messages:
-        figures['field_absent'] = {'messages': counts.absent}
+    if counts.other_axes > 0.01 * counts.messages:
+        figures['field_absent'] = {'messages': counts.other_axes}
     return figures
 
 

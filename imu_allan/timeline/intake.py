@@ -9,7 +9,7 @@ with unusable values and duplicates are left out.
 
 from dataclasses import replace
 
-from imu_allan.arrays import Bools
+from imu_allan.arrays import Array, Bools
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
@@ -48,7 +48,7 @@ def usable(memory: Memory, window: Window) -> Messages:
     if faulty and decision.clock == 'header' and memory.options.clock == 'auto':
         replace_header_clock(memory, window)
     stamps, other = stamps_of(memory, window)
-    away, unusable = _unusable(memory, window, all_usable)
+    samples, unusable = _values(memory, window, all_usable)
     twice = _twice(memory, window, stamps) | repeats.held
     counts.messages += c
     counts.header.last_ns = int(window.header_ns[c - 1])
@@ -66,11 +66,6 @@ def usable(memory: Memory, window: Window) -> Messages:
         left_out = repeats.frozen | twice
         counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
         counts.duplicates += int(np.count_nonzero(twice[:c]))
-    samples = np.where(away, np.nan, window.samples) if away.any() else window.samples
-    if repeats.started:
-        counts.forget()
-        memory.motion = None
-        decision.restart = memory.cursor.fresh_run = True
     messages = Messages(stamps, other, samples, c, void)
     return messages.pick(~left_out) if left_out.any() else messages
 
@@ -81,19 +76,14 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
     finite = np.mean(np.isfinite(samples), axis=0)
     declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
     present = declared & (finite > 0.5)
-    for axis, there in zip(memory.presence.axes, present.tolist(), strict=True):
-        axis.there = there
-    if not present.any() and memory.presence.copy().look(
-            ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
-            window.consumed)[:window.consumed].all():
+    if not present.any():
         memory.counts.messages += window.consumed
         memory.counts.rejected += window.consumed
         raise NoAxes(
             'the messages carry neither angular velocity nor linear acceleration '
             '(covariance[0] is -1 or every value is NaN): choose another topic')
-    for axis, there, provided in zip(
-            memory.presence.axes, present.tolist(), declared.tolist(), strict=True):
-        axis.ever, axis.not_finite = there, provided and not there
+    memory.decision.present = present.tolist()
+    memory.decision.not_finite = (declared & ~present).tolist()
     choose_clock(window, memory.decision, memory.options)
     memory.counts.header.first_ns = int(window.header_ns[0])
     memory.counts.receive.first_ns = int(window.receive_ns[0])
@@ -125,22 +115,16 @@ def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
     return same
 
 
-def _unusable(memory: Memory, window: Window, all_usable: bool) -> tuple[Bools, Bools]:
-    """Return the axes that are gone for a while, and messages with other unusable values."""
-    counts, presence, c = memory.counts, memory.presence, window.consumed
-    if all_usable and presence.stays(window.samples[:c]):
-        return np.zeros((len(window), 6), dtype=bool), np.zeros(len(window), dtype=bool)
+def _values(memory: Memory, window: Window, all_usable: bool) -> tuple[Array, Bools]:
+    """Return samples, NaN on axes not used, and the messages that lack a value of the others."""
+    used = np.array(memory.decision.present)
+    if all_usable and used.all():
+        return window.samples, np.zeros(len(window), dtype=bool)
     with np.errstate(invalid='ignore'):
-        bad: Bools = ~(np.abs(window.samples) < LARGEST)
-    declared = np.repeat(window.absent, 3, axis=1)
-    gone = presence.look(bad | declared, c)
-    counts.absent += int(np.count_nonzero((declared & ~gone)[:c].any(axis=1)))
-    spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
-    asleep = presence.waking(np.where(bad | gone, np.nan, window.samples), c)
-    if asleep[:, 3:].any():
-        # The output of a dead accelerometer is not gravity.
-        counts.gravity, counts.gravity_samples = [0.0, 0.0, 0.0], 0
-    return gone | asleep, spoilt
+        there = (np.abs(window.samples) < LARGEST) & ~np.repeat(window.absent, 3, axis=1)
+    memory.counts.other_axes += int(np.count_nonzero(
+        (there != used)[:window.consumed].any(axis=1)))
+    return np.where(used, window.samples, np.nan), np.any(used & ~there, axis=1)
 
 
 def _clipped(stamps: Stamps) -> Stamps:

@@ -11,7 +11,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Flaw
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
-from imu_allan.timeline.alive import Content, Presence
+from imu_allan.timeline.alive import Content
 from imu_allan.timeline.messages import Pending
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
@@ -61,7 +61,8 @@ class Counts(Record):
     out_of_order: int = 0
     rejected: int = 0
     spikes: int = 0  # rejected messages that are isolated outliers
-    absent: int = 0  # rejected messages that declare a field as not provided which others have
+    # Messages in which other axes have values than in the first ones.
+    other_axes: int = 0
     header: StampCounts = field(default_factory=StampCounts)
     receive: StampCounts = field(default_factory=StampCounts)
     clock_jumps: int = 0  # jumps of the clock in use
@@ -96,14 +97,6 @@ class Counts(Record):
         """Whether there is one time for each message, as in a table, and no clock to choose."""
         return (self.header.first_ns, self.header.last_ns) == (
             self.receive.first_ns, self.receive.last_ns)
-
-    def forget(self) -> None:
-        """Reject all samples so far, because they were one repeated value."""
-        self.rejected += self.samples
-        self.samples = self.missing = self.interpolated = 0
-        self.gaps = self.gaps_ns = self.longest_gap_ns = 0
-        self.paced_ns = self.paced_steps = self.gravity_samples = 0
-        self.listed_gaps, self.gravity = [], [0.0, 0.0, 0.0]
 
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
         """Record a gap that is not interpolated."""
@@ -141,7 +134,10 @@ class Decision(Record):
     # Whether header stamps come in ticks, so that different messages share a stamp.
     ticks: bool = False
     overlaps: bool = False  # whether successive batches of header stamps overlap
-    restart: bool = False  # whether the next samples returned invalidate those before
+    # Axes that have values in the first messages; of other axes none are used.
+    present: list[bool] = field(default_factory=lambda: [True] * 6)
+    # Other axes that are not declared absent: they hold no numbers.
+    not_finite: list[bool] = field(default_factory=lambda: [False] * 6)
     # Reasons for decisions that the user should know: figures by the code of a finding.
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
@@ -208,7 +204,6 @@ class Memory(Record):
     counts: Counts = field(default_factory=Counts)
     decision: Decision = field(default_factory=Decision)
     content: Content = field(default_factory=Content)
-    presence: Presence = field(default_factory=Presence)
     cursor: Cursor = field(default_factory=Cursor)
     # The last samples placed in this run, as context for interpolation, shape (t, 6).
     tail: Array = field(default_factory=lambda: np.empty((0, 6)))

@@ -94,7 +94,6 @@ class MotionDetector(Record):
     """Removes motion and knocks, with a delay of some windows, in constant memory."""
 
     interval_s: float  # sample interval; a window is half a second, at least 25 rows
-    axes: list[bool] = field(default_factory=list)  # axes by which motion is judged
     _windows: Windows = field(init=False)
     _level: RestLevel | None = None
     summary: MotionSummary = field(default_factory=MotionSummary)
@@ -113,12 +112,6 @@ class MotionDetector(Record):
 
     def push(self, block: EvenBlock) -> list[EvenBlock]:
         """Take even rows, and return those decided to be at rest."""
-        axes, before = np.isfinite(block.samples[0]).tolist(), []
-        if axes != self.axes:
-            # The level of rest of some axes is not that of others.
-            before = self.flush()
-            self.axes, self._level, self._windows = axes, None, Windows(self.interval_s)
-            self.forget_means()
         last = self.held[-1] if self.held else None
         if (last is None or last.closed or block.new_run
                 or block.first_index != last.blocks[-1].end):
@@ -128,8 +121,7 @@ class MotionDetector(Record):
             self.held.append(last)
         last.start_s = block.start_s - (block.first_index - last.first_index) * self.interval_s
         last.blocks.append(block)
-        self._void |= block.restart
-        return before + self._decide(final=False)
+        return self._decide(final=False)
 
     def flush(self) -> list[EvenBlock]:
         """Decide on all rows held back, and return those at rest."""

@@ -15,7 +15,6 @@ from math import sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
-from imu_allan.timeline.alive import SPARSE
 from imu_allan.timeline.grid import even_blocks
 from imu_allan.timeline.losses import count_steps, EVEN_JITTER
 from imu_allan.timeline.memory import Memory
@@ -28,6 +27,8 @@ import numpy as np
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: a longer step is a stamp fault, whatever the other clock
 shows."""
+_SPARSE = 16
+"""One in this many samples enters the mean acceleration, which needs no more."""
 _FOLLOWED = 0.01
 """A larger change of the interval within a window is another rate, not drift."""
 
@@ -254,12 +255,8 @@ def _advance(memory: Memory, messages: Messages, late: Array, passed_ns: int, pl
     memory.tail = (
         messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
         np.concatenate([memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
-    if all(axis.ever for axis in memory.presence.axes[3:]):
-        some = messages.samples[:c:SPARSE, 3:]
-        gone = np.flatnonzero(np.isnan(some).any(axis=1))
-        if len(gone):
-            # An axis was absent for a while, and may have been dead before.
-            some = some[int(gone[-1]) + 1:]
+    if all(memory.decision.present[3:]):
+        some = messages.samples[:c:_SPARSE, 3:]
         counts.gravity = (np.array(counts.gravity) + some.sum(axis=0)).tolist()
         counts.gravity_samples += len(some)
     if paced_steps > 128 and not memory.decision.counted_only:

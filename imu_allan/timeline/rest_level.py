@@ -91,7 +91,11 @@ class RestLevel(Record):
         resolution = np.min([resolution_of(segment.joined().samples[:8 * 1024])
                              for segment in full[:4]], axis=0)
         still = ~np.concatenate([windows.implausible(segment, 0) for segment in full])
+        # Before a sensor starts it repeats one value, which is no rest.
+        started = table[:, :12].any(axis=1)
         fewest = 8   # windows from which the spread of loudness is measured
+        if np.count_nonzero(still & started) >= fewest:
+            still &= started
         if np.count_nonzero(still) < fewest:
             still[:] = True
         table = table[still]
@@ -157,11 +161,9 @@ class RestLevel(Record):
         if not quiet.any():
             self.quieter = 0
             return None
-        known = (loud > 0) & np.isfinite(loud)
-        alive = (windows > 0) & known
-        # Coarse or constant axes may be unchanged, and an axis that has become constant is dead.
-        judged: Bools = np.where(np.any(alive, axis=1, keepdims=True), alive, known)
-        quieter = (np.sum(quiet & judged, axis=1) > 0.5 * judged.sum(axis=1)) & ~np.any(
+        # An axis that has become constant is dead.
+        alive = (windows > 0) & (loud > 0) & np.isfinite(loud)
+        quieter = (np.sum(quiet & alive, axis=1) > 0.5 * alive.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest, axis=1)
         in_a_row = 6   # quiet windows that are rest: between two bumps of a road there are fewer
         for at in range(first, last):

@@ -9,11 +9,9 @@ after the other. Intake chooses the usable messages, placing puts them on the ev
 motion detector leaves out what is not at rest.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
-from imu_allan.arrays import runs
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
@@ -25,7 +23,6 @@ from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary
-import numpy as np
 from numpy.typing import NDArray
 
 
@@ -156,9 +153,7 @@ class TimelineStage(Record):
         """Leave out motion, or only detect it; pass blocks on until an interval is known."""
         memory, decision = self._memory, self._memory.decision
         given: list[EvenBlock] = []
-        for block in self._with_the_same_axes(blocks):
-            if decision.restart:
-                decision.restart, block = False, replace(block, restart=True)
+        for block in blocks:
             at_rest = [block]
             if decision.first_interval_ns is not None:
                 memory.motion = memory.motion or MotionDetector(
@@ -166,20 +161,6 @@ class TimelineStage(Record):
                 at_rest = memory.motion.push(block)
             given += [block] if self._keeps_motion else at_rest
         return given
-
-    def _with_the_same_axes(self, blocks: Iterable[EvenBlock]) -> Iterator[EvenBlock]:
-        """Split blocks where an axis comes or goes, and leave out samples without any axis."""
-        interval_s = self._memory.decision.pace.interval_ns / SECOND
-        for block in blocks:
-            if not self._memory.presence.changed:
-                yield block
-                continue
-            there, new_run = np.isfinite(block.samples), block.new_run
-            for first, last in runs((there[1:] != there[:-1]).any(axis=1), len(block)):
-                if there[first].any():
-                    part = block.part(first, last, block.start_s + first * interval_s)
-                    yield replace(part, new_run=new_run)
-                    new_run = False
 
     @property
     def _keeps_motion(self) -> bool:

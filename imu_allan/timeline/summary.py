@@ -39,7 +39,7 @@ class TimelineSummary:
     remarks : tuple of Finding
         Findings the user should know about.
     present : tuple of bool, length 6
-        Whether each axis was ever present; the others are NaN in every block.
+        Whether each axis is used; the others are NaN in every block.
     messages : int
         Messages seen, including those still held back.
     counts : Counts
@@ -114,7 +114,7 @@ def summarize(memory: Memory) -> TimelineSummary:
         frame_id=decision.frame_id,
         start_time=start,
         remarks=remarks,
-        present=tuple(axis.ever for axis in memory.presence.axes),
+        present=tuple(decision.present),
         messages=counts.messages + memory.pending.messages,
         counts=counts.copy(),
         motion=motion.copy(),

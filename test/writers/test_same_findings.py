@@ -75,7 +75,7 @@ FAULTS = {
                  'band_limited'),
     'with outliers': (samples([1000, 4000, 9000], 0, lambda x: x + 1.0), 'spikes'),
     'never a number': (samples(ALL, 4, np.nan), 'axis_not_finite'),
-    'absent for a while': (samples(slice(8000, None), 2, np.nan), 'axis_absent_in_part'),
+    'absent for a while': (samples(slice(8000, None), 2, np.nan), 'field_absent'),
     'lossy': (lossy, 'many_missing'), 'slower later': (slower_later, 'rate_changed'),
     'jumped': (jumped, 'clock_jumps'),
     'replayed': (replayed, 'clock_speed')}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
@@ -86,14 +86,6 @@ class Estimator(MultiAxis):
     def measured(self) -> int:
         """Return the number of samples that are not interpolated."""
         return self.samples - self.interpolated
-
-    @property
-    def constant(self) -> Bools:
-        """Whether each axis has been constant so far, shape (axes,)."""
-        held = self._without_interpolated()
-        return np.asarray(
-            np.maximum(self.census.highest, held.max(axis=1, initial=-np.inf))
-            <= np.minimum(self.census.lowest, held.min(axis=1, initial=np.inf)))
 
     @property
     def next_place(self) -> tuple[int, int]:
