@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One axis through the doors of a characterization: its result, and its warnings by code."""
 
+from math import gamma
+
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
@@ -11,6 +13,7 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import lfilter
 
 START_NS = 1_700_000_000_000_000_000
@@ -124,3 +127,21 @@ def covers(interval, truth):
 def holds(coefficient, truth):
     """Whether the interval, or the bound, of a coefficient holds its true value."""
     return covers(ends(coefficient), truth)
+
+
+def power_law_noise(samples, rng, exponent):
+    """Draw averaged noise with the spectrum 1/(2 pi f)^exponent, f in cycles per sample."""
+    half = next_fast_len(samples, real=True)
+    lag = np.arange(-2.0, half + 3)
+    size = -1 / (2 * np.cos(np.pi * exponent / 2) * gamma(2 + exponent))
+    # The covariance of the first difference is the fourth difference of that of the phase.
+    phase = size * np.abs(lag)**(exponent + 1)
+    covariance = phase[4:] + phase[:-4] - 4 * (phase[3:-1] + phase[1:-3]) + 6 * phase[2:-2]
+    h = np.arange(half + 1.0)[10_001:]
+    covariance[10_001:] = size * np.prod(exponent + 1 - np.arange(4)) * h**(exponent - 3) * (
+        1 + (exponent - 3) * (exponent - 4) / (6 * h**2))
+    power = np.maximum(rfft(np.concatenate((covariance, covariance[-2:0:-1]))).real, 0)
+    normal = rng.standard_normal((2, half + 1))
+    spectrum = np.sqrt(power * half) * (normal[0] + 1j * normal[1])
+    spectrum[[0, -1]] = np.sqrt(2 * half * power[[0, -1]]) * normal[0, [0, -1]]
+    return np.concatenate(([0.0], np.cumsum(irfft(spectrum, 2 * half)[:samples - 1])))

@@ -16,7 +16,6 @@ R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): ci
 """
 
 from collections.abc import Mapping
-from math import gamma
 from operator import index
 from typing import Any
 
@@ -70,32 +69,15 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
         raise ValueError(f'seed must be zero or more, not {seed}')
     if index(samples) < 1:
         raise ValueError(f'samples must be at least 1, not {samples}')
-    dt = 1.0 / sample_rate_hz
-    total = np.full(samples, float(coefficients.get('mean', 0.0)))
-    for stream, key in enumerate(TERMS):
-        value = float(coefficients.get(key, 0.0))
-        if value == 0:
-            continue
-        rng = np.random.default_rng([seed, stream])
-        if key == 'quantization_noise':
-            total += value / dt * np.diff(rng.standard_normal(samples + 1))
-        elif key == 'noise_density':
-            total += value / np.sqrt(dt) * rng.standard_normal(samples)
-        elif key == 'bias_instability':
-            total += value * flicker(samples, rng)
-        elif key == 'rate_random_walk':
-            total += value * np.sqrt(dt) * _random_walk(samples, rng)[0]
-        elif key == 'rate_ramp':
-            total += value * dt * np.arange(samples)
-        else:
-            raise NotImplementedError(f'{key} cannot be simulated')
-    markov = coefficients.get('gauss_markov')
-    if markov:
-        rng = np.random.default_rng([seed, len(TERMS)])
-        bank = MarkovBank(np.array([float(markov['correlation_time_s'])]),
-                          np.array([float(markov['sigma'])]), dt, rng)
-        total += bank.draw(samples)
+    own = {**coefficients, 'bias_instability': 0.0}
+    total = NoiseStream(own, sample_rate_hz, seed, settled=True).draw(samples)
+    if exact := float(coefficients.get('bias_instability', 0.0)):
+        total += exact * _flicker(samples, _stream_of('bias_instability', seed))
     return total
+
+
+def _stream_of(key: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, [*TERMS, 'gauss_markov'].index(key)])
 
 
 class NoiseStream:
@@ -108,17 +90,19 @@ class NoiseStream:
         As for `simulate`.
     sample_rate_hz : float
     seed : int, optional
+    settled : bool, optional
+        Whether slow processes begin anywhere, not at zero.
 
     """
 
     def __init__(self, coefficients: Mapping[str, Any], sample_rate_hz: float,
-                 seed: int = 0) -> None:
+                 seed: int = 0, *, settled: bool = False) -> None:
         _check(coefficients, sample_rate_hz)
         self._c = {key: float(coefficients.get(key, 0.0)) for key in (*TERMS, 'mean')}
         self._dt = 1.0 / sample_rate_hz
-        self._rng = np.random.default_rng([seed, 99])
+        self._rng = {key: _stream_of(key, seed) for key in TERMS}
         self._index = 0
-        self._phase = float(self._rng.standard_normal())
+        self._phase = float(self._rng['quantization_noise'].standard_normal())
         self._walk = 0.0
         self._fast_flicker = 0.0
         times, sigmas = [], []
@@ -138,26 +122,28 @@ class NoiseStream:
         if markov:
             times.append(float(markov['correlation_time_s']))
             sigmas.append(float(markov['sigma']))
-        self._bank = MarkovBank(np.array(times), np.array(sigmas), self._dt, self._rng,
-                                settled=False)
+        self._bank = MarkovBank(np.array(times), np.array(sigmas), self._dt,
+                                _stream_of('gauss_markov', seed), settled=settled)
 
     def draw(self, samples: int) -> Array:
         """Return the next `samples` samples, shape (samples,), in the unit of a sample."""
         c, dt, rng = self._c, self._dt, self._rng
         total = np.full(samples, c['mean'])
         if c['quantization_noise']:
-            phase = np.concatenate(([self._phase], rng.standard_normal(samples)))
+            phase = np.concatenate(([self._phase],
+                                    rng['quantization_noise'].standard_normal(samples)))
             self._phase = float(phase[-1])
             total += c['quantization_noise'] / dt * np.diff(phase)
         if c['noise_density']:
-            total += c['noise_density'] / np.sqrt(dt) * rng.standard_normal(samples)
+            total += c['noise_density'] / np.sqrt(dt) * rng['noise_density'].standard_normal(
+                samples)
         if c['rate_random_walk']:
-            averages, self._walk = _random_walk(samples, rng, self._walk)
+            averages, self._walk = _random_walk(samples, rng['rate_random_walk'], self._walk)
             total += c['rate_random_walk'] * np.sqrt(dt) * averages
         if c['rate_ramp']:
             total += c['rate_ramp'] * dt * (self._index + np.arange(samples))
         if self._fast_flicker:
-            total += self._fast_flicker * rng.standard_normal(samples)
+            total += self._fast_flicker * rng['bias_instability'].standard_normal(samples)
         total += self._bank.draw(samples)
         self._index += samples
         return total
@@ -193,34 +179,20 @@ def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
     return ends + within, float(ends[-1]) if samples else start
 
 
-def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Array:
-    """
-    Draw averaged flicker of unit bias instability, or other noise with a spectrum of f^-exponent.
-
-    `samples`: length of the record. `rng`: source of the random numbers. `exponent`: between 0 and
-    2; the two-sided density is 1/(2 pi f)^exponent with f in cycles per sample. Returns shape
-    (samples,), with a first sample of zero.
-    """
+def _flicker(samples: int, rng: np.random.Generator) -> Array:
+    """Draw averaged flicker of unit bias instability, which begins at zero."""
     if samples == 1:
         return np.zeros(1)
     half = next_fast_len(samples, real=True)
     lag = np.arange(-2.0, half + 3)
     # `phase` is the generalised covariance of the phase of the noise. Its fourth difference is
     # the covariance of the first difference of the averaged samples.
-    if exponent == 1:
-        phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
-    else:
-        size = -1 / (2 * np.cos(np.pi * exponent / 2) * gamma(2 + exponent))
-        phase = size * np.abs(lag)**(exponent + 1)
+    phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
     covariance = phase[4:] + phase[:-4] - 4 * (phase[3:-1] + phase[1:-3]) + 6 * phase[2:-2]
     # Beyond a lag of 1e4, use the series, as the difference of large numbers loses digits.
     far = np.arange(half + 1) > 1e4
     h = np.arange(half + 1)[far].astype(np.float64)
-    if exponent == 1:
-        covariance[far] = -(1 / h**2 + 1 / h**4) / (2 * np.pi) * 2
-    else:
-        fourth = size * np.prod(exponent + 1 - np.arange(4)) * h**(exponent - 3)
-        covariance[far] = fourth * (1 + (exponent - 3) * (exponent - 4) / (6 * h**2))
+    covariance[far] = -(1 / h**2 + 1 / h**4) / (2 * np.pi) * 2
     power = rfft(np.concatenate((covariance, covariance[-2:0:-1]))).real
     n = 2 * half
     power = np.maximum(power, 0)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Kalman filters of state spaces: over series of means, and in the steady state.
+Kalman filters of state spaces over series of means.
 
 All axes and both directions of a test run in one loop. A step costs a dozen operations on small
 arrays, whether one filter runs or twenty.
@@ -10,10 +10,8 @@ arrays, whether one filter runs or twenty.
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
-from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
-from imu_allan.result import AxisResult
-from imu_allan.tuning.state_space import space_of, StateSpace
+from imu_allan.tuning.state_space import StateSpace
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -62,40 +60,3 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] =
         x = decay * x + gain * innovation[:, None]
         p = both * p + process - predicted[:, None, None] * gain[:, :, None] * gain[:, None, :]
     return found
-
-
-def unaided_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
-    """Return the variance of means after many corrections, by docs/statistics.md (9)."""
-    model = drift_model_of(axis)
-    covariance = steady_covariance(space_of(model, axis.tones, aiding_s))
-    spaces = [space_of(model, axis.tones, horizon) for horizon in horizons.tolist()]
-    return np.array([float((over.observation @ covariance @ over.observation.T
-                            + over.measurement)[0, 0]) for over in spaces])
-
-
-def steady_covariance(space: StateSpace) -> Array:
-    """
-    Return the covariance of the states before a mean is seen, after very many have been seen.
-
-    P solves the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
-    ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space. It is found by doubling, which
-    makes 2^k steps in k iterations (E. K.-W. Chu et al., Int. J. Control 77, 2004).
-    """
-    # Not scipy's solve_discrete_are: with a random walk of K = 0 it may return, without an error,
-    # what is not a solution, and it takes twenty times as long.
-    gain = space.cross / space.measurement
-    a = (space.transition - gain @ space.observation).T
-    g = space.observation.T @ space.observation / space.measurement
-    p = space.process - gain @ space.cross.T
-    one = np.eye(len(p))
-    # This limit is not reached: 8 to 17 iterations converge for steps of 0.01 to 100 s.
-    for _ in range(40):
-        left, right = np.linalg.solve(one + g @ p, a), np.linalg.solve(one + p @ g, p @ a)
-        g = g + a @ g @ np.linalg.solve(one + p @ g, a.T)
-        new = p + a.T @ right
-        a = a @ left
-        new = (new + new.T) / 2
-        if np.all(np.abs(new - p) <= 1e-13 * np.abs(np.trace(new))):
-            return new
-        p = new
-    return p

@@ -3,7 +3,7 @@
 """
 Filter tuning as tables and text for the terminal, and as plain data for JSON.
 
-There are five sets of filter numbers. Their performance in another recording comes last.
+There are four sets of filter numbers. Their performance in another recording comes last.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,6 @@ from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
-from imu_allan.tuning.kalman import unaided_variance
 from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
@@ -29,7 +28,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
+TUNED, MEASURED, TENFOLD = 'tuned', 'as measured', 'ten times K'
 
 
 def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
@@ -38,7 +37,7 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     Return the sets of numbers for a filter, with the expected performance of each, as for JSON.
 
     ``coast_sigma`` is the standard deviation that the filter predicts for the mean over the
-    longest unaided time. The numbers of the full drift model do not fit in a row.
+    longest unaided time.
     """
     found = {TUNED: tune(axis, aiding_s, coast_s, bias),
              'conservative': tune(axis, aiding_s, coast_s, bias, conservative=True)}
@@ -48,13 +47,11 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     if density and random_walk:
         found |= {name: assess(axis, density, factor * random_walk, aiding_s, coast_s)
                   for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))}
-    of_model = float(np.sqrt(unaided_variance(axis, aiding_s, np.array([coast_s]))[0]))
-    return [*({'numbers': name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
-               'coast_sigma': tuning.consistency[-1][2],
-               **{key: value for key, value in asdict(tuning).items()
-                  if key not in ('aiding_interval_s', 'coast_s')}}
-              for name, tuning in found.items()),
-            {'numbers': FULL, 'nis': 1.0, 'coast_ratio': 1.0, 'coast_sigma': of_model}]
+    return [{'numbers': name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
+              'coast_sigma': tuning.consistency[-1][2],
+              **{key: value for key, value in asdict(tuning).items()
+                 if key not in ('aiding_interval_s', 'coast_s')}}
+            for name, tuning in found.items()]
 
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
@@ -95,8 +92,6 @@ def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult
 
 def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
     predicted = number(choice['coast_sigma'], 3)
-    if choice['numbers'] == FULL:
-        return ['full model', '', '', '1', '1', predicted]
     if choice['random_walk'] is None:
         second = f'{number(choice["sigma"], 3)}, {duration(choice["correlation_time_s"])}'
     else:
@@ -188,11 +183,10 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'r
                        *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
     for name, one in found.items():
         factor, unit = engineering(1.0, AXES[name].unit)
-        for what, met in ((TUNED, one.tuned), (FULL, one.full)):
+        for what, met in ((TUNED, one.tuned), ('full model', one.full)):
             table.add_row(
                 f'{spoken(name)}\n{unit}' if what == TUNED else '',
-                'full model' if what == FULL else what,
-                *(f'{row.nis:.3g}' for row in met.innovations),
+                what, *(f'{row.nis:.3g}' for row in met.innovations),
                 *(f'{number(row.observed_rms * factor, 3)}\n'
                   f'({number(low * factor, 2)}-{number(high * factor, 2)})'
                   for row, (low, high) in zip(met.coasts, met.bands, strict=True)))

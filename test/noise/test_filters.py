@@ -4,14 +4,25 @@
 
 from functools import partial
 
-from characterized import B, characterized, ends, holds, K, messages, N, several, unbiased
+from characterized import (
+    B,
+    characterized,
+    ends,
+    holds,
+    K,
+    messages,
+    N,
+    power_law_noise,
+    several,
+    unbiased,
+)
 from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
 from imu_allan.datasheet import check
 from imu_allan.datasheet.live import check_state
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
-from imu_allan.noise.simulate import flicker, simulate
+from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.filters import export, ExportOptions
@@ -111,7 +122,8 @@ def slow_noise(exponent, minutes, seed):
     """Fifty samples a second of white noise that f^-exponent crosses at 0.1 Hz."""
     count, rate, rng = round(minutes * 3000), 50.0, np.random.default_rng(seed)
     size = np.sqrt(rate * (2 * np.pi * 0.1 / rate)**exponent)
-    return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
+    white = np.sqrt(rate) * rng.standard_normal(count)
+    return white + size * power_law_noise(count, rng, exponent)
 
 
 def zero_taken_every_minute(seed):

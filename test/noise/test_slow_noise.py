@@ -4,11 +4,21 @@
 
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
-from characterized import B, characterized, ends, holds, K, N, several, simulated
+from characterized import (
+    B,
+    characterized,
+    ends,
+    holds,
+    K,
+    N,
+    power_law_noise,
+    several,
+    simulated,
+)
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.allan_deviation import edf
 from imu_allan.noise.fitted_model import FittedModel
-from imu_allan.noise.simulate import flicker, simulate
+from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import power_law_avar
 from imu_allan.result import PowerLaw
 import numpy as np
@@ -35,13 +45,13 @@ def width_over_bound(coefficient, terms, samples, key, rate=RATE):
 def crossed(exponent, crossing_hz, samples, rate, seed):
     """Draw white noise and a power law that is as strong at a frequency."""
     size = DENSITY * (2 * np.pi * crossing_hz / rate) ** (exponent / 2) * np.sqrt(rate)
-    return simulate({N: DENSITY}, samples, rate, seed) + size * flicker(
+    return simulate({N: DENSITY}, samples, rate, seed) + size * power_law_noise(
         samples, np.random.default_rng([seed, 77]), exponent)
 
 
 @pytest.mark.parametrize('exponent', [0.5, 1.3, 1.7])
 def test_a_drawn_power_law_has_its_allan_variance(exponent):
-    phase = np.concatenate(([0.0], np.cumsum(flicker(1 << 18, np.random.default_rng(1),
+    phase = np.concatenate(([0.0], np.cumsum(power_law_noise(1 << 18, np.random.default_rng(1),
                                                      exponent))))
     for m in (1, 2, 32):
         second = phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from exact_results import axis_of
 from imu_allan.noise.simulate import simulate
 from imu_allan.tuning.forecast import predicted_drift
-from imu_allan.tuning.kalman import run_filters, steady_covariance, unaided_variance
+from imu_allan.tuning.kalman import run_filters
 from imu_allan.tuning.state_space import state_space
 import numpy as np
 import pytest
@@ -84,24 +84,6 @@ def test_innovations_of_a_true_model_are_white_and_of_the_predicted_size():
     assert np.mean(z**2) == pytest.approx(1, abs=0.03)
     for lag in (1, 2, 5, 20):
         assert abs(np.mean(z[lag:] * z[:-lag])) < 0.03
-
-
-@pytest.mark.parametrize(('noise', 'walk', 'more'), [
-    *((noise, walk, ()) for noise in (1e-3, 2e-3) for walk in (0.0, 1e-9, 3e-5)),
-    (1e-3, 2e-5, ((1e-4, 1.0),))])
-def test_the_steady_covariance_solves_the_riccati_equation(noise, walk, more):
-    axis = axis_of(noise, walk, ((5e-4, 40.0), *more))
-    s = state_space(axis, 1.0)
-    p = steady_covariance(s)
-    predicted = s.observation @ p @ s.observation.T + s.measurement
-    gain = (s.transition @ p @ s.observation.T + s.cross) / predicted
-    after = s.transition @ p @ s.transition.T + s.process - gain @ predicted @ gain.T
-    np.testing.assert_allclose(after, p, rtol=1e-9, atol=1e-12 * np.trace(p))
-    if more:
-        assert (np.linalg.eigvalsh(p) > 0).all()
-        variance = run_filters([s], [np.zeros(3000)]).variance[0]
-        assert unaided_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(
-            variance[-1], rel=1e-9)
 
 
 def test_many_filters_run_as_each_does_alone():

@@ -157,7 +157,7 @@ def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Arra
     ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
                            covariance)[0] / lam[0]
     _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
-    count = np.bincount(octave, dof)
+    count: Array = np.bincount(octave, dof).astype(np.float64)
     seen = count > 0.5
     level = np.where(seen, np.bincount(octave, dof * ratio) / np.maximum(count, 1e-9), 1.0)
     count = np.maximum(count, 1e-9)

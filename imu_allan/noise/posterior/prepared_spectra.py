@@ -71,7 +71,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     power, levels, slower = [], [], []
     for one in groups:
         first = maximise(one, detrend=True, tolerance=1e-3)
-        slower.append(_of_slower_half(one))
+        slower.append(of_slower_half(one))
         # A stop band passes for the end of a steep slope, so that all groups together give far
         # too strong a random walk.
         expected = np.maximum(np.minimum(one.design @ first.theta, one.design @ slower[-1]),
@@ -175,8 +175,8 @@ def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
     return np.asarray(0.5 * np.log(np.maximum(seen, 4.0)))
 
 
-def _of_slower_half(groups: Groups) -> Array:
-    """Return the squared coefficients of a fit of the terms to the slower half of the groups."""
+def of_slower_half(groups: Groups) -> Array:
+    """Fit squared coefficients to the slower half of the groups, which no low-pass attenuates."""
     count = len(groups.frequency)
     below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
     return maximise(groups.below(below), fixed={0: 0.0}, detrend=True, tolerance=1e-2).theta

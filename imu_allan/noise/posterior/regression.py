@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from imu_allan.arrays import Array
-from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS
+from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS, padded
 import numpy as np
 
 RIDGE = 1e-10
@@ -27,16 +27,11 @@ RIDGE = 1e-10
 
 def regressors(groups: Sequence[Groups]) -> Array:
     """Return products with the regressors of each record, shape (spectra, products, groups)."""
-    most = max(one.along.shape[1] for one in groups if one.along is not None)
     found = []
-    for one in groups:
+    for one in padded(groups):
         assert one.along is not None
         assert one.among is not None
-        # Behind the ramp, the first, those with fewer regressors have some that are zero.
-        missing = np.ones(most - one.along.shape[1], dtype=np.int64)
-        along = np.insert(one.along, missing, 0.0, axis=1)
-        among = np.insert(np.insert(one.among, missing, 0.0, axis=1), missing, 0.0, axis=2)
-        products = np.concatenate((along, among.reshape(len(one.dof), -1)), axis=1).T
+        products = np.concatenate((one.along, one.among.reshape(len(one.dof), -1)), axis=1).T
         own = np.ones((1, 1), dtype=bool) if one.record is None else (
             one.record == np.arange(one.records)[:, None])
         found.append((own[:, None] * products).reshape(-1, len(one.dof)))

@@ -127,6 +127,20 @@ def stacked(parts: Sequence[Groups]) -> Groups:
                     for field in fields(Groups) if field.name != 'record'))
 
 
+def padded(parts: Sequence[Groups]) -> list[Groups]:
+    """Return groups with as many regressors each: behind the ramp, some have more that are 0."""
+    most = max(part.along.shape[1] for part in parts if part.along is not None)
+    found = []
+    for part in parts:
+        assert part.along is not None
+        assert part.among is not None
+        missing = np.ones(most - part.along.shape[1], dtype=np.int64)
+        among = np.insert(np.insert(part.among, missing, 0.0, axis=1), missing, 0.0, axis=2)
+        found.append(replace(part, along=np.insert(part.along, missing, 0.0, axis=1),
+                             among=among))
+    return found
+
+
 def joined_groups(parts: Sequence[Groups]) -> Groups:
     """
     Join the spectra of several records.
@@ -136,13 +150,5 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     padded with zeros.
     """
     record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
-    most = max(part.along.shape[1] for part in parts if part.along is not None)
-    padded = []
-    for part in parts:
-        assert part.along is not None
-        assert part.among is not None
-        more = (0, most - part.along.shape[1])
-        padded.append(replace(part, along=np.pad(part.along, ((0, 0), more)),
-                              among=np.pad(part.among, ((0, 0), more, more))))
-    every = stacked(padded)
+    every = stacked(padded(parts))
     return replace(every, record=record).select(np.argsort(every.frequency, kind='stable'))

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
-from imu_allan.noise.posterior.maximum import maximise
-from imu_allan.noise.posterior.prepared_spectra import smoothed
+from imu_allan.noise.posterior.prepared_spectra import of_slower_half, smoothed
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins
-from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK
+from imu_allan.noise.record.groups import Groups, RANDOM_WALK
 from imu_allan.noise.trends.harmonics import (
     Cycle,
     harmonics_of,
@@ -66,7 +65,7 @@ def strong_cycles(records: Sequence[RecordSpectrum], lines_hz: Sequence[Sequence
 def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
                   ) -> SlowCycle | None:
     record = without_lines(whole, fast_hz)
-    noise = _noise(record)
+    noise = of_slower_half(record.groups())
     frequency_hz = _likeliest(record, noise, bank)
     variance = _expected(whole.bins, noise)
     # Continue only with harmonics that are unlikely by chance, or with an outlier.
@@ -80,7 +79,7 @@ def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
     certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
     comb = refined(record, variance, frequency_hz, _COMB)
-    left = _expected(whole.bins, _noise(without(record, comb, variance)))
+    left = _expected(whole.bins, of_slower_half(without(record, comb, variance).groups()))
     if _chance(record, left, comb.frequency_hz) >= certain:
         return None
     found = _taken_out(whole, variance, frequency_hz)
@@ -96,7 +95,7 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
     """Remove the strongest cycle at frequencies of other axes, as a heater affects all axes."""
     if record.duration_s == 0 or not frequencies_hz:
         return None
-    variance = _expected(record.bins, _noise(record))
+    variance = _expected(record.bins, of_slower_half(record.groups()))
     ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
                               for hz in frequencies_hz)
     return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
@@ -106,19 +105,10 @@ def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSp
     """Remove lines from the coefficients of the whole record, where side lobes pass for trends."""
     slow = [hz for hz in lines_hz if hz < record.bins.frequency[record.bins.whole].max(initial=0)]
     if slow:
-        variance = _expected(record.bins, _noise(record))
+        variance = _expected(record.bins, of_slower_half(record.groups()))
         for hz in slow:
             record = without(record, refined(record, variance, hz, 1), variance)
     return record
-
-
-def _noise(record: RecordSpectrum) -> Array:
-    """Fit squared coefficients to the slower half of the band, which no low-pass attenuates."""
-    groups = record.groups()
-    last = len(groups.frequency) - 1
-    # At least 24 bands are needed to estimate the slow noise.
-    below = groups.below(float(groups.frequency[min(max(24, last // 2), last)]))
-    return maximise(below, fixed={QUANTIZATION: 0.0}, detrend=True, tolerance=1e-2).theta
 
 
 def _expected(spectrum: Bins | Groups, noise: Array) -> Array:
@@ -132,7 +122,7 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
 
     It is at least the smoothed residual power, which the terms may not describe (after a filter).
     """
-    noise, groups = _noise(calm), calm.groups()
+    noise, groups = of_slower_half(calm.groups()), calm.groups()
     expected = _expected(groups, noise)
     ratio = np.maximum(smoothed(groups, groups.power, expected) / expected, 1.0)
     return np.asarray(_expected(record.bins, noise) * np.exp(np.interp(
@@ -186,7 +176,8 @@ def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> 
     for most in (32, 96):
         every = refined(record, variance, frequency_hz, most)
         calm = without(record, every, variance)
-        frequency_hz, variance = every.frequency_hz, _expected(record.bins, _noise(calm))
+        frequency_hz = every.frequency_hz
+        variance = _expected(record.bins, of_slower_half(calm.groups()))
         there = harmonics_of(record, variance, frequency_hz, most)
         if there < most:
             break
