@@ -71,10 +71,7 @@ CODES: Mapping[str, Code] = {
     'noise_level_changed': _act(at_s=tuple[Seconds, ...], ratios=tuple[Number, ...]),
     'bias_step': _act(size=InUnit, unit=Text, after_s=Seconds),
     'not_steady': _act(
-        low_hz=Hertz | None, high_hz=Hertz | None, spread_share=Share | None,
-        segment_s=Seconds | None, change_share=Share | None, until_s=Seconds | None,
-        higher=Literal['first', 'then', 'second'] | None, drift_ratio=Number | None,
-        interval_s=Seconds | None, half_s=Seconds | None),
+        low_hz=Hertz | None, high_hz=Hertz | None, spread_share=Share, segment_s=Seconds),
     'warm_up': _act(
         amplitude=InUnit, unit=Text, time_constant_s=Seconds, time_constant_factor=Number | None,
         exponentials=Count, steady_after_s=Seconds, start_s=Seconds | None),

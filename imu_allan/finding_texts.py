@@ -69,17 +69,9 @@ def _slow_motion(f: Figures) -> str:
 
 
 def _not_steady(f: Figures) -> str:
-    if 'drift_ratio' in f:
-        other = 'second' if f['higher'] == 'first' else 'first'
-        return ('over {interval_s:time} the {higher} half drifts {drift_ratio:.1f} times as much '
-                f'as the {other}; numbers for a filter lie between the two')
     band = (' between {low_hz:g} and {high_hz:g} Hz' if 'low_hz' in f and 'high_hz' in f else
             '[ above {low_hz:g} Hz][ below {high_hz:g} Hz]')
-    if 'spread_share' in f:
-        return f'noise{band} varies by {{spread_share:%}} rms over segments of {{segment_s:time}}'
-    until = 'until {until_s:time}' if 'until_s' in f else 'at first'
-    higher = 'higher' if f['higher'] == 'first' else 'lower'
-    return f'noise{band} is {{change_share:%}} {higher} {until}'
+    return f'noise{band} varies by {{spread_share:%}} rms over segments of {{segment_s:time}}'
 
 
 def _warm_up(f: Figures) -> str:
@@ -275,9 +267,7 @@ WORDS: Mapping[str, Words] = {
         says=_not_steady,
         do='keep temperature, supply and vibration steady',
         live='call ~/reset once temperature, supply and vibration are steady',
-        brief=('the drift changed {drift_ratio:.1f} times',
-               'the noise changed by {spread_share:%}',
-               'the noise changed by {change_share:%}')),
+        brief='the noise changed by {spread_share:%}'),
     'warm_up': Words(
         'warming up',
         'The sensor was still warming up: its mean settles exponentially. Numbers for a filter '

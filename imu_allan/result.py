@@ -272,17 +272,11 @@ class Stationarity:
 
 @dataclass(frozen=True)
 class Innovations:
-    """
-    Mean normalized innovation squared (NIS) of means over `interval_s`; above 1 is overconfident.
-
-    `of_halves` has the NIS of the first half of a record under the model of the second half, and
-    vice versa.
-    """
+    """Mean normalized innovation squared of means over `interval_s`; above 1 is overconfident."""
 
     interval_s: AboveZero
     nis: NotNegative
     steps: Annotated[int, ABOVE_ZERO]
-    of_halves: Interval | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 """Findings about the noise, in one module because they are read together."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from math import exp, isfinite, isinf, log
+from math import isfinite, isinf, log
 from typing import Any
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
@@ -14,8 +14,6 @@ from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
 from imu_allan.result import AxisResult, Segment, Trend
 from imu_allan.timeline import TimelineSummary
-import numpy as np
-from scipy.special import fdtri
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
@@ -77,77 +75,15 @@ def fit_findings(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
 
 
 def steadiness_findings(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
-    """Report in which band the noise changes most, by how much and when."""
+    """Report in which band the noise changes most, and by how much."""
     change = steady.change
     if change is None:
         return []
     band: dict[str, Any] = {
         'low_hz': change.low_hz if change.low_hz > 0 else None,
         'high_hz': None if isinf(change.high_hz) else change.high_hz}
-    level = change.amplitude
-    # Find the split into two parts that explains most of the spread.
-    count = len(level)
-    gain, cut = max((cut * (count - cut) * (level[:cut].mean() - level[cut:].mean())**2, cut)
-                    for cut in range(1, count))
-    total = count * float(((level - level.mean())**2).sum())
-    # From this share of the spread on, it is reported as one step.
-    if gain > 0.7 * total:
-        ratio = float(level[:cut].mean() / level[cut:].mean()) - 1
-        return [finding('not_steady', **band, change_share=abs(ratio),
-                        higher='first' if ratio > 0 else 'then',
-                        until_s=segments[cut].start_s if cut < len(segments) else None)]
     return [finding('not_steady', **band, spread_share=change.spread,
                     segment_s=segments[0].duration_s)]
-
-
-def drift_of_halves_findings(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
-    """
-    Report by how much one half of the record drifts more than the other, by axis.
-
-    What changes one axis of a sensor, above all its temperature, changes the others as well. Axes
-    that are not certain alone may therefore be certain together.
-    """
-    changes = {name: change for name, axis in axes.items()
-               if (change := _change_of_halves(axis)) is not None}
-    reported = {}
-    for name, change in changes.items():
-        candidates = [change]
-        # Only changes over the same interval can be compared.
-        sensor = [other for beside, other in changes.items()
-                  if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
-        ratio, steps, interval = np.mean(sensor, axis=0)
-        # The mean over the axes of a sensor holds for an axis within two of its standard errors.
-        if abs(change[0] - ratio) <= 4 / change[1]**0.5:
-            candidates.append((ratio, steps * len(sensor), interval))
-        for log_ratio, known, over in candidates:
-            # A mean square of n innovations has n degrees of freedom. Its prediction by the model
-            # of the other half is about as uncertain, so their ratio follows F. Each tail has the
-            # probability of three standard errors. Chosen by judgment.
-            by_chance = log(fdtri(known, known, 1 - 1.35e-3))
-            # Less than 14 % in deviation does not matter to a filter.
-            if abs(log_ratio) > max(by_chance, log(1.3)):
-                tested = axes[name].backtest
-                reported[name] = finding(
-                    'not_steady', severity='know', interval_s=over,
-                    drift_ratio=exp(abs(log_ratio) / 2),
-                    higher='first' if log_ratio > 0 else 'second',
-                    half_s=None if tested is None else tested.tested_s)
-                break
-    return reported
-
-
-def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
-    """Return log ratio of the halves' drift variance, innovations in each, and their interval."""
-    if axis.backtest is None:
-        return None
-    for row in reversed(axis.backtest.innovations):
-        # With fewer than 25 innovations in a half, the model of the half is less certain than they
-        # are.
-        if row.steps >= 50 and row.of_halves is not None and min(row.of_halves) > 0:
-            first, second = row.of_halves
-            # Each half is predicted from the other, so the ratio enters twice.
-            return log(first / second) / 2, row.steps / 2, row.interval_s
-    return None
 
 
 def steady_after_s(trend: Trend | None, flicker: float) -> float:

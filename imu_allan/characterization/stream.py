@@ -18,7 +18,6 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group
 from imu_allan.characterization.noise_findings import (
-    drift_of_halves_findings,
     length_findings,
     MEAN_MOVES,
     thermometer_findings,
@@ -382,18 +381,7 @@ def _fitted_group(group: FinishedGroup, rate_hz: float
     tested = backtest(spectrum.series, spectrum.cell, 1 / rate_hz)
     axes: dict[str, AxisResult] = {}
     own: list[Finding] = []
-    steady: dict[str, AxisResult] = {}
     for name, (axis, remarks), test in zip(names, fitted, tested, strict=True):
         axes[name] = replace(axis, backtest=test if axis.drift_model else None)
         own += [remark.of(name) for remark in remarks]
-        if {'not_steady', *MEAN_MOVES}.isdisjoint(
-                {remark.code for remark in remarks} - {'trend_or_walk'}):
-            steady[name] = axes[name]
-    found = own
-    for name, remark in drift_of_halves_findings(steady).items():
-        found.append(remark.of(name))
-        # The intervals are kept: what differs is drift over a filter's horizon, which no single
-        # coefficient describes.
-        if (parts := axes[name].stationarity) is not None:
-            axes[name] = replace(axes[name], stationarity=replace(parts, steady=False))
-    return axes, found, dict(zip(names, fits, strict=True))
+    return axes, own, dict(zip(names, fits, strict=True))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.faults import axis_fault, steps_hide_noise
+from imu_allan.noise.faults import axis_fault
 from imu_allan.noise.posterior.estimates import expected, fitted_trend
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
@@ -28,7 +28,6 @@ from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
-    short_powers,
     Steadiness,
     steadiness,
     white_ratio,
@@ -208,22 +207,15 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     """Prepare every axis: exclude its lines, and compare the segments of the record."""
     bins = bins_of(sections, dt, finished.interpolation)
     segments = segment_powers(finished.periodogram)
-    brief = short_powers(finished.periodogram) if segments is None else None
-    coarse = steps_hide_noise(finished)
-    quarters = _quarters(finished.periodogram, dt, finished) if brief is None else []
+    quarters = _quarters(finished.periodogram, dt, finished)
     found = []
     for axis in axes:
         whole = grouped(bins, axis)
         lines, keep = find_lines(sections, bins, axis, dt, whole)
         record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
         steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
-        own = segments
-        if brief is not None and not coarse[axis]:
-            # Parts of a short record can only show that the noise changes, not that it is steady.
-            said = steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
-            own, steady = (None, None) if said.steady else (brief, said)
         groups = whole if keep.all() else replace(record, aligned=False).groups()
-        found.append(_Source(axis, whole, groups, record, lines, steady, own, axis, quarters))
+        found.append(_Source(axis, whole, groups, record, lines, steady, segments, axis, quarters))
     return found
 
 

@@ -15,7 +15,6 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of inconsistent measurements.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.chi_square import equal_variances
@@ -25,8 +24,6 @@ from imu_allan.noise.record.part_of_record import part_cells
 from imu_allan.noise.record.periodogram import (
     HIGHEST_OF_MEANS,
     Periodogram,
-    SpectrumSection,
-    whole_section,
     whole_sections,
 )
 from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
@@ -34,8 +31,11 @@ import numpy as np
 
 _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
-SEGMENT_PARTS = 16
+_SEGMENT_PARTS = 16
 """Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
+
+_CHANGED = 1e-3
+"""Probability of equal noise below which it has changed."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,6 @@ class Change:
     high_hz: float
     # Relative standard deviation of the amplitude between segments, beyond sampling error
     spread: float
-    amplitude: Array    # (segments,): relative to the mean of all
 
 
 @dataclass(frozen=True)
@@ -103,50 +102,15 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
         used -= 1  # less than half a segment is too short
     if used < 3:
         return None
-    power, dof = _no_powers(segments.axes, used)
+    bands = _DEPTH * PER_OCTAVE
+    power, dof = np.zeros((segments.axes, used, bands)), np.zeros((used, bands))
     seen = np.arange(segments.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
     power[:, :, seen], dof[:, seen] = segments.power[:, :used], segments.dof[:used]
     parts = [part_cells(periodogram, number, number + 1) for number in range(used)]
     # Add the frequencies below those of the blocks.
     top = min(HIGHEST_OF_MEANS, periodogram.cell / 2**OCTAVES)
-    return _powers(periodogram, power, dof, [
-        (cells, whole_sections(cells, periodogram.cell, top)) for cells in parts])
-
-
-def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
-    """
-    Return the power of parts of a record that is too short for segments.
-
-    Returns: frequencies up to a quarter of the cell rate of the whole-record series, in up to
-    eight parts. None if there are fewer than three.
-    """
-    series, cell = periodogram.series, periodogram.cell
-    # The power in 64 cells is known to 20 %, so that a doubling is four standard errors.
-    count = min(8, len(series) // 64)
-    if count < 3:
-        return None
-    ends = np.linspace(0, len(series), count + 1).astype(np.int64)
-    parts = [series.take(slice(first, last)) for first, last in pairwise(ends.tolist())]
-    # For white noise, all coefficients are equally good, however short the part.
-    top = 0.5 if cell == 1 else HIGHEST_OF_MEANS
-    # Split at gaps: interpolated samples are no noise, and their number differs by part.
-    found = _powers(periodogram, *_no_powers(periodogram.axes, count), [
-        (cells, [whole_section(run.means, cell, top)
-                 for run in cells.take(cells.counts == cell).split()]) for cells in parts])
-    return found if found.dof.any() else None
-
-
-def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
-    """Return zeros for sums of power and degrees of freedom, by part of a record and by band."""
-    bands = _DEPTH * PER_OCTAVE
-    return np.zeros((axes, parts, bands)), np.zeros((parts, bands))
-
-
-def _powers(periodogram: Periodogram, power: Array, dof: Array,
-            parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
-    """Return mean powers, and means and drift of parts; their sections are added to the sums."""
-    for part, (_, sections) in enumerate(parts):
-        for section in sections:
+    for part, cells in enumerate(parts):
+        for section in whole_sections(cells, periodogram.cell, top):
             # Coefficients 1 and 2 hold the trend of a segment, not its noise.
             index = np.arange(3, section.last)
             band = np.floor(PER_OCTAVE * (
@@ -159,9 +123,8 @@ def _powers(periodogram: Periodogram, power: Array, dof: Array,
     keys = periodogram.series.keys
     places = end_to_end(keys) * float(periodogram.cell)
     start = [places[np.searchsorted(keys, cells.keys[0])] if len(cells) else 0.0
-             for cells, _ in parts]
-    duration, mean, drift, drift_samples = zip(
-        *(_part_means(cells) for cells, _ in parts), strict=True)
+             for cells in parts]
+    duration, mean, drift, drift_samples = zip(*map(_part_means, parts), strict=True)
     return SegmentPowers(
         2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH), power[:, :, seen] / np.maximum(dof, 1), dof,
         np.array(duration), np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
@@ -171,7 +134,7 @@ def _powers(periodogram: Periodogram, power: Array, dof: Array,
 def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
     """Return samples, mean and drift of a part, and the samples in each of its 16 means."""
     count = max(float(cells.counts.sum()), 1.0)
-    parts = np.array_split(np.arange(len(cells)), min(SEGMENT_PARTS, max(len(cells), 1)))
+    parts = np.array_split(np.arange(len(cells)), min(_SEGMENT_PARTS, max(len(cells), 1)))
     sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
     counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
     return (count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
@@ -179,12 +142,11 @@ def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
 
 
 def steadiness(powers: SegmentPowers, axis: int, dt: float,
-               lines_hz: Sequence[float] = (), white_alone: bool = False) -> Steadiness:
+               lines_hz: Sequence[float] = ()) -> Steadiness:
     """
     Compare the noise in the segments of one axis.
 
-    `powers`: of all axes. `lines_hz`: lines, whose bands are left out. `white_alone`: leave out
-    noise that is slower than white noise, as for the parts of a short record.
+    `powers`: of all axes. `lines_hz`: lines, whose bands are left out.
     """
     frequency = powers.frequency / dt
     keep = np.asarray((powers.dof > 0).all(axis=0))
@@ -192,11 +154,6 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
     level = powers.level(axis)
     if keep.any():
-        if white_alone:
-            fastest = keep & (frequency > frequency[keep][-1] / 2)
-            # Bands above twice the level of the fastest octave hold drift, not white noise.
-            keep &= level < 2.0 * np.average(
-                level[fastest], weights=powers.dof.sum(axis=0)[fastest])
         # A band of lower level lies behind a low-pass and holds only leakage.
         keep &= level > 0.1 * np.median(level[keep])
     frequency, dof = frequency[keep], powers.dof[:, keep]
@@ -206,8 +163,6 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         return Steadiness(1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
     p_value = equal_variances(at, count)
-    # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
-    least = 1e-4 if white_alone else 1e-3
     spread = _spread(at, count)
     # Neighbouring half-octaves change together, so smooth the spread over 0.7 octaves.
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
@@ -219,19 +174,15 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     assert broad is not None
     at, centre, count = broad
     wide = _spread(at, count)
-    if white_alone:
-        # White noise changes in all bands at once; few samples show it only in all together.
-        p_value = min(2 * min(p_value, equal_variances(at, count)), 1.0)
     change = None
     for place in np.argsort(-wide):
         only = slice(place, place + 1)
         # A relative spread of 5 % of the power does not matter.
-        if wide[place] > 0.05 and equal_variances(at[:, only], count[:, only]) < least:
+        if wide[place] > 0.05 and equal_variances(at[:, only], count[:, only]) < _CHANGED:
             band = int(np.digitize(centre[place], edges[1:-1]))
-            change = Change(edges[band], edges[band + 1], float(wide[place]) / 2,
-                            np.sqrt(at[:, place]))
+            change = Change(edges[band], edges[band + 1], float(wide[place]) / 2)
             break
-    if p_value >= least:
+    if p_value >= _CHANGED:
         change, smooth = None, np.zeros(len(smooth))
     return Steadiness(p_value, change, middle, smooth)
 

@@ -10,7 +10,7 @@ Horizons are therefore multiples of a cell, some two seconds for a recording of 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 from imu_allan.arrays import Array
@@ -93,9 +93,6 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
                    cell_s)
     for i, axis in enumerate(good):
         innovations, coasts = met.of(2 * i, 2)
-        after, before = (met.of(lane)[0] for lane in (2 * i, 2 * i + 1))
-        innovations = tuple(replace(both, of_halves=(first.nis, second.nis)) for
-                            both, first, second in zip(innovations, before, after, strict=True))
         if innovations:
             found[axis] = Backtest(half * cell_s, half * cell_s, innovations, coasts)
     return found

@@ -8,91 +8,23 @@ from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
-from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.noise.uncertainty import most_below
-from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Interval
+from imu_allan.result import AxisResult, Coast, Interval
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import polygamma
 
 _USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
 """
-Standard deviation of the logarithm of the drift between two halves of real recordings, for results
-without their own. It is half of that of the variance of the mean over 60 s.
+Standard deviation of the logarithm of the drift between two halves of real recordings. It is half
+of that of the variance of the mean over 60 s.
 """
 
 
 def unsteadiness(axis: AxisResult) -> float:
-    """
-    Return the spread between parts of the logarithm of the drift's standard deviation.
-
-    It is that of the recording's own segments, beyond what the shortness of each explains. Without
-    enough segments, it is what is usual for the sensor.
-    """
-    usual = _USUAL[axis.quantity]
-    if axis.stationarity is None:
-        return usual
-    drift = [(segment.drift_sigma, segment.duration_s) for segment in axis.stationarity.segments
-             if segment.drift_sigma is not None and segment.drift_sigma > 0]
-    # From two segments the spread is wrong by any factor, and the usual one is closer.
-    if len(drift) < 3:
-        return usual
-    sigma = np.array([level for level, _ in drift])
-    # Relative to the drift of the median segment. If a segment shows less, the noise covers its
-    # drift, and the logarithm of the remainder has no lower end. One of five with next to no drift
-    # was mistaken for great unsteadiness. A segment without any, as many short ones are, says
-    # nothing of its size and is left out. With a fifth of the median in its place, short
-    # recordings would ask for many times the tuned K.
-    shown = np.maximum(sigma, 0.2 * np.median(sigma))
-    seen = float(np.var(np.log(shown), ddof=1))
-    chance = float(np.mean([_spread_by_chance(axis, duration) for _, duration in drift]))
-    return float(np.sqrt(max(seen - chance, 0.0)))
-
-
-def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
-    """
-    Return the variance of the logarithm of the drift that a steady segment shows.
-
-    That drift is the spread of the means of its parts, minus what white noise adds.
-    """
-    model = drift_model_of(axis)
-    part = duration_s / SEGMENT_PARTS
-    drift = drift_of_means(model, part, SEGMENT_PARTS)
-    whole = _about_mean(drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part)
-    of_drift = float(np.trace(_about_mean(drift)))
-    if of_drift <= 0:
-        return np.inf
-    total = float(np.trace(whole))
-    dof = total**2 / float(np.sum(whole * whole))
-    # Half the logarithm of a chi-square variable, the variance of which is a trigamma function.
-    return float(polygamma(1, dof / 2)) / 4 * (total / of_drift)**2
-
-
-def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
-    """
-    Return the covariance of the means of consecutive parts, without white noise.
-
-    `part_s`: length of a part in seconds. Returns shape (parts, parts): valid after the mean of
-    all parts is removed, since a random walk has no stationary covariance.
-    """
-    lag = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
-    # Within a record, a process with a correlation time of 100 records is a random walk.
-    slowest = 100.0 * parts * part_s
-    slow = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
-    covariance = np.zeros(lag.shape)
-    for process in (*model.processes, slow):
-        time = process.correlation_time_s
-        covariance += process.sigma**2 * np.where(
-            lag == 0, mean_variance(time, part_s),
-            on_mean(time, part_s)**2 * np.exp(-np.maximum(lag - 1, 0) * part_s / time))
-    return covariance
-
-
-def _about_mean(covariance: Array) -> Array:
-    """Return the covariance after the mean of all parts is removed, of the same shape."""
-    centre = np.eye(len(covariance)) - 1 / len(covariance)
-    return np.asarray(centre @ covariance @ centre)
+    """Return the spread between recordings of the logarithm of the drift's standard deviation."""
+    wild = axis.stationarity is not None and not axis.stationarity.steady
+    # A record that is not even steady in itself says less of another. Chosen by judgment.
+    return _USUAL[axis.quantity] * (2.0 if wild else 1.0)
 
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
@@ -131,9 +63,7 @@ def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
     """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
-    # A recording that is steady in itself says little about another day.
-    return np.asarray(np.hypot(spread_of_shortness(axis, horizons),
-                               max(unsteadiness(axis), _USUAL[axis.quantity])))
+    return np.asarray(np.hypot(spread_of_shortness(axis, horizons), unsteadiness(axis)))
 
 
 def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike

@@ -2,19 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is reported of the fit, beside the curve and of its two halves."""
 
-from dataclasses import replace
 import tracemalloc
 import warnings
 
-from characterized import B, characterized, K, messages, N, one_axis, several, streamed, taken_in
-from exact_results import axis_of as drifting
+from characterized import B, characterized, K, N, one_axis, several, taken_in
 from imu_allan.characterization.axis import axis_results, characterize
-from imu_allan.characterization.noise_findings import drift_of_halves_findings
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity
 from imu_allan.noise.uncertainty import bounded
-from imu_allan.result import Backtest, GoodnessOfFit, Innovations, Span
-from imu_allan.tuning.backtest import backtest
+from imu_allan.result import GoodnessOfFit, Span
 import numpy as np
 import pytest
 from repeated import slow
@@ -140,83 +136,9 @@ def test_the_model_describes_records_of_a_hundred_samples():
     assert np.mean(misfits) <= 0.05
 
 
-def axis_of(first, second, steps=118, shorter=None):
-    """Return an axis whose halves had these errors over a minute, under each other's model."""
-    innovations = shorter or Innovations(10.0, 1.0, 700, (1.0, 1.0)), Innovations(
-        60.0, (first + second) / 2, steps, (first, second))
-    return drifting(1e-3, backtest=Backtest(HALF_S, HALF_S, innovations, ()))
-
-
 def test_a_presence_is_a_probability():
     # Weights add up to 1 but for rounding.
     for seed in (2, 11):
         axis = characterize(simulate({N: 1e-3, B: 1e-3}, 20_000, 100.0, seed), 100.0)
         assert axis.coefficients[N].presence == 1.0
         assert all(0 <= found.presence <= 1 for found in axis.coefficients.values())
-
-
-def test_a_half_that_drifts_more_is_reported_and_the_axis_is_not_steady():
-    half = round(HALF_S * HALVES_HZ)
-    first, second = (simulate({K: k}, half, HALVES_HZ, seed) for k, seed in ((1e-4, 1), (2e-4, 2)))
-    rows = np.full((2 * half, 6), np.nan)
-    rows[:, 0] = np.concatenate((first, first[-1] + second - second[0])) + simulate(
-        {N: 1e-3}, 2 * half, HALVES_HZ, 1)
-    result = streamed([messages(rows, HALVES_HZ, gyro_alone=True)]).result()
-    # The segments alone do not see it.
-    [seen] = (warning for warning in result.warnings if warning.code == 'not_steady')
-    assert (seen.axes, seen.severity, seen.values['higher']) == (('gyro_x',), 'know', 'second')
-    assert seen.values['drift_ratio'] == pytest.approx(2.0, abs=0.05)
-    assert seen.values['interval_s'] == pytest.approx(61, abs=0.5)
-    assert not result.axes['gyro_x'].stationarity.steady
-
-
-UNCERTAIN, OTHERWISE = axis_of(1.5, 0.7, steps=300), axis_of(0.7, 1.5, steps=300)
-LOUD, STEADY = axis_of(4.0, 0.25, steps=10_000), axis_of(1.0, 1.0, steps=10_000)
-OVER_10_S = Innovations(10.0, 1.0, 118, (4.0, 0.25))
-
-
-@pytest.mark.parametrize(('axes', 'over'), [
-    # Axes that say the same together are believed where each alone is not.
-    ({'gyro_x': UNCERTAIN}, {}),
-    (dict.fromkeys(('gyro_x', 'gyro_y', 'gyro_z'), UNCERTAIN),
-     dict.fromkeys(('gyro_x', 'gyro_y', 'gyro_z'), 60)),
-    ({'gyro_x': UNCERTAIN, 'gyro_y': OTHERWISE, 'accel_z': UNCERTAIN}, {}),
-    # What its sensor does is not said of an axis that does not.
-    ({'gyro_x': LOUD, 'gyro_y': LOUD, 'gyro_z': STEADY}, {'gyro_x': 60, 'gyro_y': 60}),
-    # Where a minute came too seldom a shorter interval speaks, and is not compared with a minute.
-    ({'gyro_x': LOUD, 'gyro_y': LOUD, 'gyro_z': axis_of(9.0, 1 / 9, steps=18, shorter=OVER_10_S)},
-     {'gyro_x': 60, 'gyro_y': 60, 'gyro_z': 10}),
-    # Ratio of variances that F(59, 59) exceeds in .135 %: 2.21, where 3 sigma say 2.18.
-    *(({'gyro_x': axis_of(ratio, 1 / ratio)}, over) for ratio, over in (
-        (2.20, {}), (2.24, {'gyro_x': 60}))),
-    # A difference that nobody cares about, however certain.
-    ({'gyro_x': axis_of(1.2, 1 / 1.2, steps=1_000_000)}, {}),
-    # The backtest of an older file, and none.
-    ({'gyro_x': replace(LOUD, backtest=replace(LOUD.backtest, innovations=(
-        Innovations(60.0, 2.1, 118),))), 'gyro_y': replace(LOUD, backtest=None)}, {})])
-def test_which_axes_are_said_to_change_and_over_what_time(axes, over):
-    found = drift_of_halves_findings(axes)
-    assert {name: one.values['interval_s'] for name, one in found.items()} == over
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('hours', [1 / 6, 1 / 3, 1.0, 3.0])
-def test_steady_sensors_are_hardly_ever_reported_to_change(hours):
-    """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
-    kinds = [
-        {}, {K: 1e-5}, {B: 3e-4},
-        *({'gauss_markov': {'sigma': sigma, 'correlation_time_s': time_s}}
-          for sigma, time_s in ((2e-3, 10.0), (5e-4, 100.0), (1e-3, 3000.0)))]
-    samples, seen = round(3600 * hours * HALVES_HZ), 0
-    for terms in kinds:
-        for first in range(0, 180, 30):
-            records = [simulate({N: 1e-3, **terms}, samples, HALVES_HZ, seed)
-                       for seed in range(first, first + 30)]
-            series = taken_in(np.transpose(records)).finished().periodogram
-            tested = backtest(series.series, series.cell, 1 / HALVES_HZ)
-            for at in range(0, len(tested), 3):
-                axes = {f'gyro_{letter}': drifting(1e-3, backtest=found)
-                        for letter, found in zip('xyz', tested[at:at + 3], strict=True)}
-                seen += bool(drift_of_halves_findings(axes))
-    # Three axes and their mean, each at .27 %, would be 4 of 360.
-    assert seen <= 3

@@ -140,8 +140,7 @@ def test_results_look_on_a_terminal_or_in_a_pipe_as_they_did(
         monkeypatch.setenv('COLUMNS', columns)
     for stored in ('three_hours', 'warm_up'):
         shutil.copy(SCREENS / f'{stored}.json', tmp_path)
-    drifting = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
-                       half_s=600.0)
+    drifting = finding('not_steady', ('gyro_x',), low_hz=3.0, spread_share=0.2, segment_s=60.0)
     save_result(replace(load_result('three_hours.json'), warnings=(drifting,)), 'seen.json')
     Path('spec.yaml').write_text('gyro: {noise_density: 0.00801 deg/s/sqrt(Hz), rate_random_walk: '
                                  '1e-9 rad/s^2/sqrt(Hz)}')

@@ -9,7 +9,6 @@ from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
-from imu_allan.tuning.uncertainty import drift_of_means
 import numpy as np
 import pytest
 from repeated import slow
@@ -67,16 +66,6 @@ def test_the_allan_variance_adds_noise_random_walk_processes_and_lines():
     np.testing.assert_allclose(
         drift_avar(model, (Tone(0.4, 0.2),), tau),
         4 / tau + 3 * tau + gauss_markov_avar(0.5, 7.0, tau) + line_avar(0.4, 0.2, tau))
-
-
-def test_a_random_walk_has_the_spread_that_its_increments_make():
-    rate, steps, parts, part_s, records = 1e-4, 100, 16, 10.0, 2000
-    walk = np.cumsum(np.random.default_rng(3).normal(
-        0, rate * (part_s / steps)**0.5, (records, parts * steps)), axis=1)
-    means = walk.reshape(records, parts, steps).mean(axis=2)
-    covariance = drift_of_means(DriftModel(1e-6, rate, (), 0.1, 1e4), part_s, parts)
-    expected = np.trace(covariance) / parts - covariance.mean()
-    assert np.var(means, axis=1).mean() == pytest.approx(expected, rel=0.08)
 
 
 def test_where_measuring_is_exact_the_spread_is_that_of_the_sample():
