@@ -82,7 +82,7 @@ def joint_result(recordings: Sequence[Characterization],
     fitted = _axis_results(parts, rate)
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
     axes = {name: widened(widened(_with_spread(axis, name, parts), *error), 0.0, max(
-        leaked_share(axis, part.record.group_of(name).estimator.interpolation.share, 1 / rate)
+        leaked_share(axis, part.record.group_of(name).estimator.interpolated_share, 1 / rate)
         for part in parts)) for name, (axis, _) in fitted.items()}
     remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline(parts, rate)

@@ -355,7 +355,7 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     for group in record.groups:
         own, remarks, own_fits = _fitted_group(group, record.rate_hz)
         own = {name: widened(axis, 0.0, leaked_share(
-            axis, group.estimator.interpolation.share, 1 / record.rate_hz))
+            axis, group.estimator.interpolated_share, 1 / record.rate_hz))
             for name, axis in own.items()}
         fitted |= own
         fits |= own_fits

@@ -205,7 +205,7 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
 def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequence[int], dt: float
              ) -> list[_Source]:
     """Prepare every axis: exclude its lines, and compare the segments of the record."""
-    bins = bins_of(sections, dt, finished.interpolation)
+    bins = bins_of(sections, dt, finished.interpolated_share)
     segments = segment_powers(finished.periodogram)
     quarters = _quarters(finished.periodogram, dt, finished)
     found = []
@@ -290,5 +290,5 @@ def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[
     if used < 4:
         return []
     # More parts would each be too short to estimate a random walk; fewer would seldom disagree.
-    return [Part(periodogram, dt, first, last, finished.interpolation)
+    return [Part(periodogram, dt, first, last, finished.interpolated_share)
             for first, last in pairwise(round(part * used / 4) for part in range(5))]

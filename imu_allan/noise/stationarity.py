@@ -33,7 +33,6 @@ _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
 _SEGMENT_PARTS = 16
 """Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
-
 _CHANGED = 1e-3
 """Probability of equal noise below which it has changed."""
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 from imu_allan.arrays import Array
 from imu_allan.noise.allan_deviation import interval, Octaves
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
-from imu_allan.noise.posterior.shapes import taken_by_mean
+from imu_allan.noise.record.interpolation import taken_by_mean
 from imu_allan.noise.terms import SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve
 import numpy as np

@@ -72,7 +72,7 @@ def maximise(groups: Groups, start: Array | None = None, *,
     >>> nu = np.geomspace(0.001, 0.5, 24)
     >>> design = np.stack([4 * np.sin(np.pi * nu) ** 2, np.ones(24), 1 / nu, 1 / nu**2], axis=1)
     >>> zero, one = np.zeros(24), np.ones(24)
-    >>> groups = Groups(nu, 100 * one, 9 * one, design, zero, one, one, zero)
+    >>> groups = Groups(nu, 100 * one, 9 * one, design, zero, one, one)
     >>> float(maximise(groups).theta[WHITE].round(6))
     9.0
 

@@ -98,7 +98,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     information = whole / 2 / (level / np.where(stopped, passed, 1.0))**2
     seen = np.where(AT_OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
-    table = tables(nu, groups[0].step, groups[0].length, groups[0].interpolated)
+    table = tables(nu, groups[0].step, groups[0].length)
     like = np.stack([np.log(np.maximum(
         design[:, _KEYS.index(shape.like)]
         / (TERM_SHAPES[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))

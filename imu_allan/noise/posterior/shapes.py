@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.block import NEIGHBOURS
 from imu_allan.noise import spectrum
 import numpy as np
 
@@ -24,8 +23,6 @@ LOWEST_CORNER = 1e-3
 """Lowest corner of a low-pass in cycles per sample: below, slow drift looks like a pass band."""
 FEWEST_GROUPS = 24
 """Fewest bands that a model must describe: three octaves are enough to separate the terms."""
-_EVERY = (np.arange(128) + 0.5) / 256
-"""Frequencies between zero and half the sample rate, to average a spectrum over."""
 
 
 @dataclass(frozen=True)
@@ -199,9 +196,9 @@ def cubic(rows: Array, at: Ints, t: Array, per: Array, slopes: bool = True) -> t
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
-def tables(nu: Array, step: Array, length: Array, interpolated: Array) -> 'Tables':
+def tables(nu: Array, step: Array, length: Array) -> 'Tables':
     """Return cached tables of all shapes with a nuisance, at the frequencies of the groups."""
-    return _tables(np.stack((nu, step, length, interpolated)).tobytes())
+    return _tables(np.stack((nu, step, length)).tobytes())
 
 
 @dataclass(frozen=True)
@@ -227,10 +224,10 @@ class Tables:
 
 @lru_cache(maxsize=8)
 def _tables(layout: bytes) -> Tables:
-    nu, step, length, interpolated = np.frombuffer(layout).reshape(4, -1)
+    nu, step, length = np.frombuffer(layout).reshape(3, -1)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
     return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_SHAPES),
-                  table_of(LOW_PASSES, nu, band, Response(nu, step, length, interpolated)),
+                  table_of(LOW_PASSES, nu, band, Response(nu, step, length)),
                   table_of(HIGH_PASSES, nu, band))
 
 
@@ -242,12 +239,9 @@ class Response:
     white noise the aliases add up to 1; behind a filter they do not. Power at a lower frequency f
     leaks at the ends of a block of L points into the coefficients near kappa. Averaged over an
     even and an odd one this is (1/sin(pi (kappa - f)) - 1/sin(pi (kappa + f)))^2 / 2L per unit f.
-
-    The mean of its neighbours replaces a lost sample. The part that this mean removes is missing
-    from the power, and a white error is added, which is smaller for filtered noise.
     """
 
-    def __init__(self, nu: Array, step: Array, length: Array, interpolated: Array) -> None:
+    def __init__(self, nu: Array, step: Array, length: Array) -> None:
         at, weight, first = [], [], []
         count = 0
         for each, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
@@ -263,23 +257,12 @@ class Response:
             weight += [share * (1 - leak.sum()), leak]
             count += len(inside) + len(slower)
         self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
-        self._kept = (1 - interpolated * taken_by_mean(nu))**2
-        self._lost = interpolated * (1 - interpolated)
-        self._taken = taken_by_mean(_EVERY)**2
 
     def of(self, power: Power, corner: float) -> Array:
         """Return the response to a low-pass, relative to white noise without a filter."""
         passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
-        error = self._lost * (power(_EVERY, corner) * self._taken).mean()
         # The smallest response keeps logarithms finite.
-        return np.asarray((passed * self._kept + error)
-                          / (self._kept + self._lost * self._taken.mean()) + 1e-15)
-
-
-def taken_by_mean(nu: Array) -> Array:
-    """Share of an amplitude that is lost when the mean of its neighbours replaces a sample."""
-    return np.asarray(1 - np.cos(2 * np.pi * nu[..., None] * np.arange(1, NEIGHBOURS + 1)
-                                 ).mean(axis=-1))
+        return np.asarray(passed + 1e-15)
 
 
 def _folded(nu: float, means: float) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise import spectrum
-from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
+from imu_allan.noise.record.interpolation import white_through_interpolation
 from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
 
@@ -29,7 +29,6 @@ class Bins:
     whole: Bools
     step: Array    # (bins,): samples averaged into one point
     length: Array    # (bins,): points of the block
-    interpolated: Array    # (bins,): share of the samples that are interpolated
     # (bins,): section of a bin, and its DCT index there
     section: Ints
     index: Ints
@@ -70,12 +69,11 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same with a cache for blocks, which have few lengths, unlike whole records."""
 
 
-def bins_of(sections: Sequence[SpectrumSection], dt: float,
-            interpolation: Interpolation = NO_INTERPOLATION) -> Bins:
+def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float = 0.0) -> Bins:
     """
     Join the sections of a spectrum.
 
-    `sections`: at least one. `interpolation`: effect of interpolated samples on white noise.
+    `sections`: at least one. `interpolated`: share of the samples that are interpolated.
     """
     parts = []
     for number, section in enumerate(sections):
@@ -83,14 +81,12 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
         shapes = _block_shapes if section.coefficients is None else _shapes
         flicker, random_walk, s2 = shapes(section.length, section.first, section.last)
         index, part = np.arange(section.first, section.last), slice(section.first, section.last)
-        white = np.full(len(s2), 1 / step)
-        for effect in (section.gaps.white,
-                       interpolation.white_power(section.length, section.step)):
-            if effect is not None:
-                white *= effect[part]
-        if section.gaps.flicker is not None and section.gaps.random_walk is not None:
-            flicker = flicker * section.gaps.flicker[part]
-            random_walk = random_walk * section.gaps.random_walk[part]
+        white = white_through_interpolation(
+            index / (2 * section.length * section.step), interpolated) / step
+        if section.gaps.white is not None:
+            white *= section.gaps.white[part]
+        # Flicker changes over each gap as it does not over the line that fills it.
+        flicker = flicker * (1 - section.gaps.filled)
         # The second part of the quantization column is leakage from both ends of a block.
         quantized = 4 * (s2 + (1 - s2) / section.length) / step**2
         design = np.stack((quantized, white, flicker, step * random_walk), axis=1)
@@ -100,14 +96,14 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float,
         else:
             signed, squared = section.coefficients[:, part], ramp**2
         # Interpolated samples contain no information; means over many samples hardly have any.
-        known = 1 - max(section.gaps.filled, interpolation.share if section.step == 1 else 0.0)
+        known = 1 - max(section.gaps.filled, interpolated if section.step == 1 else 0.0)
         parts.append(Bins(
             index / (2 * section.length * step),
             np.full(len(index), float(known * section.blocks)),
             section.power[:, part], design, signed, squared,
             np.full(len(index), section.coefficients is not None),
             np.full(len(index), float(section.step)), np.full(len(index), float(section.length)),
-            np.full(len(index), interpolation.share), np.full(len(index), number), index))
+            np.full(len(index), number), index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'coefficient')))
                   for field in fields(Bins)))

@@ -10,7 +10,6 @@ from itertools import pairwise
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.census import Census
-from imu_allan.noise.record.interpolation import Interpolation, InterpolationSums
 from imu_allan.noise.record.multi_axis import AXES, AXES_FIRST, begun, MultiAxis, numbers
 from imu_allan.noise.record.periodogram import Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
@@ -42,7 +41,7 @@ class Estimator(MultiAxis):
         Number of samples added, and how many of them are interpolated.
     reference : ndarray, shape (axes,), or None
         The first sample, which is subtracted from all.
-    pyramid, periodogram, signal, census, interpolation_sums
+    pyramid, periodogram, signal, census
         Statistics of the samples.
     chunk : ndarray, shape (axes, n)
         Samples that are not processed yet.
@@ -70,7 +69,6 @@ class Estimator(MultiAxis):
     first: int = 0
     reference: Array | None = field(default=None, metadata=AXES_FIRST)
     interpolated_rows: list[int] = field(default_factory=list)
-    interpolation_sums: InterpolationSums = field(default_factory=InterpolationSums)
     pyramid: Pyramid = field(init=False, metadata=begun(Pyramid))
     periodogram: Periodogram = field(init=False, metadata=begun(Periodogram))
     signal: Signal = field(init=False, metadata=begun(Signal))
@@ -78,9 +76,9 @@ class Estimator(MultiAxis):
     chunk: Array = field(init=False, metadata=numbers(AXES, 0))
 
     @property
-    def interpolation(self) -> Interpolation:
-        """Effect of interpolated samples on white noise."""
-        return self.interpolation_sums.interpolation(self.interpolated / max(self.samples, 1))
+    def interpolated_share(self) -> float:
+        """Return the share of the samples that are interpolated."""
+        return self.interpolated / max(self.samples, 1)
 
     @property
     def measured(self) -> int:
@@ -204,7 +202,6 @@ class Estimator(MultiAxis):
             return
         if own.shape[1]:
             self.census.count(own, self.reference)
-        self.interpolation_sums.add(self.interpolated_rows, rows.shape[1])
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, self.run, self.first)
         self.signal.absorb(rows)

@@ -1,12 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Effect of gaps on the spectrum of noise, for a given pattern of gaps.
+Effect of gaps on the spectrum of white noise, for a given pattern of gaps.
 
 Means over half-full cells have a larger variance, and values that fill a gap repeat the noise
-around it. Both are linear in the samples, so the expected power of each DCT coefficient follows
-from the pattern alone. The result is exact for white noise. For flicker and random walk, existing
-cells are treated as full.
+around it. Both are linear in the samples, so the expected power of each DCT coefficient of white
+noise follows from the pattern alone.
 """
 
 from collections.abc import Iterator
@@ -14,22 +13,18 @@ from dataclasses import dataclass
 
 from imu_allan.arrays import Array
 from imu_allan.noise.record.cells import Cells, Keys
-from imu_allan.noise.spectrum import flicker, random_walk
 import numpy as np
-from scipy.fft import dct, next_fast_len, rfft
-from scipy.ndimage import uniform_filter1d
+from scipy.fft import dct
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Effect of gaps on noise."""
+    """Effect of gaps on white noise."""
 
     # Share of the points that are interpolated; the others are independent
     filled: float = 0.0
     # (length,): expected power by index, relative to full cells; None if it is the same
     white: Array | None = None
-    flicker: Array | None = None
-    random_walk: Array | None = None
 
 
 NO_GAPS = Gaps()
@@ -70,7 +65,7 @@ def filled(cells: Cells) -> Array:
 
 def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     """
-    Compute the effect of gaps on noise once they are `filled`.
+    Compute the effect of gaps on white noise once they are `filled`.
 
     `cells`: all of one run. `size`: samples in a full cell.
     """
@@ -101,46 +96,4 @@ def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     power = (np.abs(weights) ** 2) @ variance / span
     single = index < exact
     power[single] = 2 * (weights.real[single] ** 2) @ variance / span
-    every = np.arange(span)
-    there = np.zeros((len(index), span))
-    there[:, places] = weights.real
-    slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
-    # A single index may be in phase with the pattern of gaps; its neighbours average this out.
-    if span > exact:
-        # Average over five neighbours for the slow terms.
-        slow[:, ~single] = uniform_filter1d(slow[:, ~single], 5, mode='nearest')
-    slow[:, 0] = slow[:, 1]
-    return Gaps(1 - len(cells) / span, np.interp(every, index, power),
-                np.interp(every, index, slow[0]), np.interp(every, index, slow[1]))
-
-
-def _slow_power(weights: Array) -> Array:
-    """
-    Compute the power of weighted sums of flicker, and of a random walk.
-
-    `weights`, shape (n, span): weights of consecutive means, with rows that sum to zero. Returns
-    shape (2, n): up to a constant.
-    """
-    # Integrate over four frequencies per coefficient.
-    length = next_fast_len(4 * weights.shape[1], real=True)
-    gain = np.abs(rfft(weights, length))[:, 1:]**2
-    nu = np.arange(1, gain.shape[1] + 1) / length
-    return np.stack((gain @ flicker(nu, 1.0), gain @ random_walk(nu, 1.0)))
-
-
-def without_islands(cells: Cells) -> Cells:
-    """Remove short groups of cells next to a gap that is longer than they are."""
-    while len(cells):
-        cuts = np.flatnonzero(np.diff(cells.keys) > 1) + 1
-        if not len(cuts):
-            break
-        edges = np.concatenate([[0], cuts, [len(cells)]])
-        lengths = np.diff(edges)
-        gap = np.diff(cells.keys)[cuts - 1] - 1
-        beside = np.maximum(np.append(0, gap), np.append(gap, 0))
-        # Fewer than eight cells do not determine the level beyond a longer gap.
-        small = (lengths < 8) & (lengths < beside)
-        if not small.any() or small.all():
-            break
-        cells = cells.take(np.repeat(~small, lengths))
-    return cells
+    return Gaps(1 - len(cells) / span, np.interp(np.arange(span), index, power))

@@ -35,7 +35,6 @@ class Groups:
     ramp: Array
     step: Array
     length: Array
-    interpolated: Array
     # (groups, regressors): mean of coefficient times regressor; zero in blocks
     along: Array | None = None
     # (groups, regressors, regressors): mean products of the regressors
@@ -109,8 +108,7 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
     if known is None:
         known = Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
                        np.stack([mean(column) for column in bins.design.T], axis=1),
-                       mean(bins.ramp), mean(bins.step), mean(bins.length),
-                       mean(bins.interpolated))
+                       mean(bins.ramp), mean(bins.step), mean(bins.length))
     columns = [bins.of_ramp[whole],
                *([] if regressors is None else regressors[whole].T)]
     along = [mean(bins.coefficient[axis, whole] * column, whole) for column in columns]

@@ -9,7 +9,6 @@ from functools import cached_property, lru_cache
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.groups import grouped, Groups, stacked
-from imu_allan.noise.record.interpolation import Interpolation, NO_INTERPOLATION
 from imu_allan.noise.record.periodogram import (
     HIGHEST_OF_MEANS,
     Periodogram,
@@ -49,7 +48,7 @@ class Part:
     # Segments from `first` up to, but not including, `last`
     first: int
     last: int
-    interpolation: Interpolation = NO_INTERPOLATION    # of the whole record
+    interpolated: float = 0.0    # share of the samples of the whole record
 
     def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
         """
@@ -75,7 +74,7 @@ class Part:
         cells = part_cells(self.periodogram, self.first, self.last)
         sections = [section for section in whole_sections(cells, cell, cell * self._border)
                     if section.last > 1]
-        return bins_of(sections, self.dt, self.interpolation) if sections else None
+        return bins_of(sections, self.dt, self.interpolated) if sections else None
 
     @cached_property
     def _border(self) -> float:
@@ -98,7 +97,7 @@ class Part:
         power = segments.power[axis, self.first:self.last].sum(axis=0)
         parts = []
         for length, step in TRANSFORMS:
-            place, bands = layout(length, step), _bands(length, step, self.dt, self.interpolation)
+            place, bands = layout(length, step), _bands(length, step, self.dt, self.interpolated)
             known = dof[place.bands]
             parts.append(replace(
                 bands, dof=known.astype(np.float64),
@@ -108,12 +107,12 @@ class Part:
 
 
 @lru_cache(maxsize=16)
-def _bands(length: int, step: int, dt: float, interpolation: Interpolation) -> Groups:
+def _bands(length: int, step: int, dt: float, interpolated: float) -> Groups:
     """Return the bands of a block without their power, common to all axes and parts."""
     place = layout(length, step)
     nothing = SpectrumSection(step, length, 1, place.first, place.last, np.zeros((1, length)))
-    bins = bins_of([nothing], dt, interpolation)
+    bins = bins_of([nothing], dt, interpolated)
     zero = np.zeros(len(place.bands))
     return Groups(place.means(bins.frequency), zero, zero, place.means(bins.design),
                   place.means(bins.ramp), bins.step[place.starts], bins.length[place.starts],
-                  bins.interpolated[place.starts], zero[:, None], zero[:, None, None])
+                  zero[:, None], zero[:, None, None])

@@ -27,7 +27,7 @@ from imu_allan.noise.record.cells import (
     no_cells,
     RUN_SHIFT,
 )
-from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
+from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps
 from imu_allan.noise.record.multi_axis import AXES_FIRST, begun, MultiAxis
 from imu_allan.noise.record.segments import BLOCK, MEANS, Segments
 from imu_allan.state import Record
@@ -244,13 +244,12 @@ def whole_sections(cells: Cells, size: int, top: float) -> list[SpectrumSection]
     Transform each part of a record whose gaps are few enough to be filled.
 
     `cells`: in order of time. `size`: samples in a full cell; cells less than half full are left
-    out, and so are short groups beyond a gap. `top`: as in `whole_section`. Returns: sections of
-    at least `SHORTEST` points.
+    out. `top`: as in `whole_section`. Returns: sections of at least `SHORTEST` points.
     """
     whole = cells.take(cells.counts >= size / 2)
     place = end_to_end(whole.keys) * size
     runs = whole.keys >> RUN_SHIFT
-    parts = [without_islands(whole.take(runs == run)) for run in np.unique(runs)]
+    parts = [whole.take(runs == run) for run in np.unique(runs)]
     found: list[SpectrumSection] = []
     while parts:
         part = parts.pop(0)
