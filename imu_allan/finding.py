@@ -114,15 +114,15 @@ CODES: Mapping[str, Code] = {
         coefficient=Text, value=InUnit, of_recording=Text, usual_value=InUnit,
         others=tuple[Text, ...], unit=Text),
     'thermometer': _know(
-        fault=Literal['short', 'constant', 'coarse', 'gaps', 'unread'], covered_share=Share | None,
-        step_k=Kelvin | None, range_k=Kelvin | None, gaps=Count | None, reason=Text | None),
+        fault=Literal['short', 'constant', 'unread'], covered_share=Share | None,
+        reason=Text | None),
     'trend_or_walk': _know(),
     'power_law': _know(exponent=Number, exponent_low=Number, exponent_high=Number),
     'band_limited': _know(edge_hz=Hertz | None, window_s=Seconds | None),
     'gauss_markov': _know(sigma=InUnit, unit=Text, correlation_time_s=Seconds),
     'temperature': _know(
         per_kelvin=PerKelvin, per_kelvin_low=PerKelvin, per_kelvin_high=PerKelvin, unit=Text,
-        lowest_c=Celsius, highest_c=Celsius, curved=Flag, lag_s=Seconds | None),
+        lowest_c=Celsius, highest_c=Celsius, lag_s=Seconds | None),
     'slow_cycle': _know(period_s=Seconds),
     'coarse_resolution': _know(step=InUnit, unit=Text, ratio=Number),
     'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text, half_rate=Flag),

@@ -119,7 +119,7 @@ def _temperature(f: Figures) -> str:
         'thermometer' if _most(f['lag_s']) > 0 else 'sensor')
     return ('the mean follows the temperature by {per_kelvin:.3g} {unit}/K (95 % interval '
             '{per_kelvin_low:least .3g} to {per_kelvin_high:most .3g})'
-            '{curved:if , and not in proportion to it}. It was {lowest_c:least .1f} to '
+            '. It was {lowest_c:least .1f} to '
             f'{{highest_c:most .1f}} degrees Celsius{lags}')
 
 
@@ -448,14 +448,11 @@ WORDS: Mapping[str, Words] = {
         do='the interval is widened; look at what was different in that recording',
         brief='the recordings disagree'),
     'thermometer': Words(
-        'thermometer', 'The temperature cannot be used, or only partly.',
-        'Its readings are few, constant, coarse or with gaps.',
+        'thermometer', 'The temperature cannot be used.',
+        'Its readings are few or constant.',
         says=_by_fault(
             short='the temperature covers {covered_share:%} of the record: it is not used',
             constant='the temperature never changes: its effect cannot be measured',
-            coarse='the temperature comes in steps of {step_k:.2g} K within a range of '
-                   '{range_k:.2g} K',
-            gaps='the temperature has {gaps:count gap}, over which it is interpolated',
             unread='the temperature was not read: {reason}'),
         do='record the temperature all the time and finely, or leave it out'),
     'trend_or_walk': Words(

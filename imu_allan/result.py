@@ -192,8 +192,6 @@ class TemperatureDependence:
         95 % interval of the slope.
     lowest_c, highest_c : float
         Temperature range of the data, in degrees Celsius.
-    per_kelvin_squared : float or None
-        Coefficient of the squared distance from the mean temperature, if observable.
     lag_s : float or None
         Time constant with which the thermometer follows the sensor, if observable; negative if the
         sensor follows the thermometer.
@@ -205,7 +203,6 @@ class TemperatureDependence:
     ci95: Interval
     lowest_c: float
     highest_c: float
-    per_kelvin_squared: float | None = None
     lag_s: float | None = None
     lag_ci95: Interval | None = None
 

@@ -92,12 +92,11 @@ class Group(Record):
         `epoch_ns`: stamp of the clock in use at time zero of
         the block's `start_s`. `interval_ns`: sample interval by the clock.
         """
-        estimator, skipped = self.estimator, 0
+        estimator = self.estimator
         self.latest.add(block.samples, block.new_run or block.first_index > self.end)
         if not estimator.samples:
             # Samples left out at the very beginning still take up time.
             estimator.signal.skip(block.first_index)
-            skipped = block.first_index
         elif block.new_run:
             estimator.start_run()
         elif block.first_index > self.end:
@@ -108,11 +107,10 @@ class Group(Record):
             else:
                 estimator.skip(skipped)
         self.moved = False
-        first = last = None
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)
             last = first + round((len(block) - 1) * interval_ns)
-        self.thermometer.place(*estimator.next_place, len(block), skipped, first, last)
+            self.thermometer.place(*estimator.next_place, len(block), first, last)
         samples = block.samples
         if len(self.columns) < samples.shape[1]:
             samples = samples[:, self.columns]

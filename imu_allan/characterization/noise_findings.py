@@ -54,8 +54,7 @@ def fit_findings(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
         low, high = heat.ci95
         yield finding(
             'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=low, per_kelvin_high=high,
-            unit=unit, lowest_c=heat.lowest_c, highest_c=heat.highest_c,
-            curved=heat.per_kelvin_squared is not None, lag_s=heat.lag_s)
+            unit=unit, lowest_c=heat.lowest_c, highest_c=heat.highest_c, lag_s=heat.lag_s)
     if (first := trend.warm_up) is not None:
         flicker = fitted.estimates['bias_instability']
         known = flicker.value if flicker.observable else flicker.upper
@@ -104,13 +103,6 @@ def thermometer_findings(seen: Temperature) -> Iterator[Finding]:
     if seen.series is None:
         yield (finding('thermometer', fault='short', covered_share=seen.covered)
                if seen.covered < COVERED else finding('thermometer', fault='constant'))
-        return
-    span = seen.series.highest - seen.series.lowest
-    # With larger steps, the mean follows the temperature in jumps.
-    if seen.step > span / 8:
-        yield finding('thermometer', fault='coarse', step_k=seen.step, range_k=span)
-    if seen.gaps:
-        yield finding('thermometer', fault='gaps', gaps=seen.gaps)
 
 
 def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float

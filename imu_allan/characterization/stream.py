@@ -25,7 +25,7 @@ from imu_allan.characterization.noise_findings import (
     with_start,
 )
 from imu_allan.characterization.power_ons import Mark, mark_of, spread_of_means
-from imu_allan.characterization.thermometer import Thermometer
+from imu_allan.characterization.thermometer import shown, Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
@@ -276,12 +276,10 @@ class Characterization:
             return replace(result, warnings=(*result.warnings, *unknown)), {}
         axes, found, fits = _fitted_axes(record)
         marks = self._memory.power_ons
-        columns = record.groups[0].estimator.signal.columns()
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
             turn_on_bias=spread_of_means(marks, axes, record) if marks else {},
-            temperature=twin._memory.groups[0].thermometer.signal(
-                columns, 1 / record.rate_hz)), fits
+            temperature=shown(record.groups[0].temperature)), fits
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""

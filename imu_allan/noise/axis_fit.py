@@ -101,7 +101,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
         return found
     # Do not report a cycle that the temperature explains.
     heat = [] if temperature is None else [
-        temperature.of_sensor(float(lag)).trends[0] for lag in lags_of(temperature)]
+        temperature.of_sensor(float(lag)).trend for lag in lags_of(temperature)]
     sources = _sources(finished, sections, axes, dt)
     kinds = TRENDS if temperature is None else with_temperature(temperature)
     bank = Bank(sources[0].record, kinds)

@@ -214,5 +214,4 @@ def _dependence(trend: ReportedTrend, temperature: TemperatureSeries) -> Tempera
     lags = not trend.low <= 0 <= trend.high
     return TemperatureDependence(
         size, (size - half, size + half), temperature.lowest, temperature.highest,
-        trend.columns[1][0] if len(trend.columns) > 1 else None,
         trend.value if lags else None, (trend.low, trend.high) if lags else None)

@@ -107,14 +107,10 @@ def lags_of(temperature: TemperatureSeries) -> Array:
 
 
 def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
-    """Return `TRENDS` preceded by the lagged temperature, and the same with its square."""
+    """Return `TRENDS` preceded by the lagged temperature."""
     lags = lags_of(temperature)
-
-    def of(power: int) -> Callable[[float, float], tuple[Waveform, ...]]:
-        return lambda lag, _: temperature.of_sensor(lag).trends[:power]
-
-    return (TrendKind('temperature', 0.15, lambda _: lags, of(1)),
-            TrendKind('temperature', 0.03, lambda _: lags, of(2)), *TRENDS)
+    return (TrendKind('temperature', 0.15, lambda _: lags,
+                      lambda lag, _: (temperature.of_sensor(lag).trend,)), *TRENDS)
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,10 @@ class TemperatureSeries:
         return float(self.celsius.max())
 
     @property
-    def trends(self) -> tuple[Waveform, Waveform]:
-        """Return the temperature about its mean, in kelvin, and the square of that."""
+    def trend(self) -> Waveform:
+        """Return the temperature about its mean, in kelvin."""
         about = self.celsius - self.celsius.mean()
-
-        def linear(time: Array) -> Array:
-            return np.asarray(np.interp(time, self.time, about))
-
-        return linear, lambda time: linear(time)**2
+        return lambda time: np.asarray(np.interp(time, self.time, about))
 
     @property
     def duration_s(self) -> float:
@@ -78,31 +74,3 @@ def _behind(celsius: Array, lag_s: float, step: float) -> Array:
     kept = float(np.exp(-step / lag_s))
     middle = np.concatenate((celsius[:1], (celsius[1:] + celsius[:-1]) / 2))
     return np.asarray(lfilter([1 - kept], [1, -kept], middle, zi=[kept * celsius[0]])[0])
-
-
-def between_steps(time: Array, celsius: Array, step: float) -> Array:
-    """
-    Interpolate readings in coarse steps linearly between the changes, where they are exact.
-
-    `time`, `celsius`, shape (n,): increasing times in any unit, and readings. `step`: resolution
-    of the thermometer. Returns shape (n,).
-
-    Examples
-    --------
-    >>> readings = np.array([20.0, 20, 20, 20, 21, 21, 21, 21, 22, 22, 22, 22])
-    >>> between_steps(np.arange(12.0), readings, 1.0)[4:8]
-    array([20.625, 20.875, 21.125, 21.375])
-
-    """
-    change = np.diff(celsius)
-    # A cell that contains a step averages readings of both values.
-    at = np.flatnonzero(np.abs(change) > 0.25 * step)
-    if not len(at):
-        return celsius
-    # Between a rise and a fall, the temperature has reached the value in between.
-    turn = np.flatnonzero(np.sign(change[at[1:]]) != np.sign(change[at[:-1]]))
-    middle, level = (time[at] + time[at + 1]) / 2, (celsius[at] + celsius[at + 1]) / 2
-    where = np.concatenate((time[:1], middle, (middle[turn] + middle[turn + 1]) / 2, time[-1:]))
-    value = np.concatenate((celsius[:1], level, celsius[at[turn + 1]], celsius[-1:]))
-    order = np.argsort(where, kind='stable')
-    return np.asarray(np.interp(time, where[order], value[order]))
