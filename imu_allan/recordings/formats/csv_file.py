@@ -15,7 +15,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 import re
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -27,13 +27,10 @@ from imu_allan.recordings.formats.csv_header import (
     Columns,
     echoed_imu,
     is_number,
-    is_remark,
     is_rest_of_imu,
-    names_columns,
     QUOTES,
     read_header,
     require_time,
-    with_units_below,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
@@ -48,22 +45,9 @@ _LONGEST_LINE = 1 << 20
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
-_DATE = re.compile(
-    r'(?<![\w:])(?<!\d )(?:(\d{4}[-./]\d\d[-./]\d\d)[T ]|\d{1,2}[-./]\w{1,4}[-./]\d{2,4} )?'
-    r'(\d?\d:\d\d:\d\d)(?:(?:\.|:(?=\d{3}\b))(\d{1,9})\d*)?(?: ?([AaPp])[Mm]\b)?'
-    r'(?:Z|([+-]\d\d):?(\d\d))?')
-"""A time of ISO 8601 or of a spreadsheet, with or without the day; a day whose order of day and
-month differs between countries is left out."""
-
-
-class _Line(NamedTuple):
-    """A line before the samples, or the first of them."""
-
-    number: int
-    at: int
-    delimiter: str | None
-    cells: int
-    named: bool    # whether it names an axis, or a column that the user gives
+_DATE = re.compile(r'(?<![\w:])(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d{1,9})?)\d*'
+                   r'(?:Z|([+-]\d\d):?(\d\d))?')
+"""A time of ISO 8601."""
 
 
 class CsvRecording(FileRecording):
@@ -156,41 +140,26 @@ class CsvRecording(FileRecording):
     # ----------------------------------------------------------------------- what the columns are
 
     def _found_header(self, file: BinaryIO) -> str:
-        """Find the line of names, and stop after it."""
-        # Up to 100 lines stand before the samples, such as those of a device that starts.
-        lines: list[_Line] = []
-        samples: _Line | None = None
+        """Find the last line before the first row of numbers, and stop after it."""
+        lines: list[tuple[str, int, int]] = []
+        # Devices that start write a few lines first.
         for number in range(1, 102):
             at, line = file.tell(), file.readline(_LONGEST_LINE)
             if len(line) == _LONGEST_LINE and not line.endswith(b'\n'):
                 raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
                                     'samples')
             text = _decoded(line)
-            delimiter, cells = cells_of(text)
-            named = names_columns(text, self.options) and not (
-                lines and any(map(is_number, cells)))
-            found = _Line(number, at, delimiter, _filled(cells), named)
-            if lines and is_number(cells[0]) and not is_remark(text):
-                samples = found
+            if lines and _is_row(text, cells_of(lines[-1][0])[0]):
+                del lines[:-1]
                 break
-            if named or not is_remark(text):
-                lines.append(found)
+            if text.strip(QUOTES + ',;|') or not line:
+                lines.append((text, at, number))
             if not line:
                 break
-
-        def like_names(line: _Line) -> tuple[int, ...]:
-            # Names may be unknown. A line about the device may have those of axes, but has fewer
-            # cells than a sample, or other marks between them. A first line may be cut.
-            fits = samples is None or line.cells >= samples.cells
-            return (line.named and fits, line.named, fits,
-                    samples is not None and line.delimiter == samples.delimiter)
-
-        best = max(lines, key=like_names)
-        if samples is not None and not any(like_names(best)):
-            best = samples
-        file.seek(best.at)
-        self._data_at, self._first_line = best.at, best.number
-        return _decoded(file.readline(_LONGEST_LINE))
+        header, self._data_at, self._first_line = lines[0]
+        file.seek(self._data_at)
+        file.readline()
+        return header
 
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
@@ -210,15 +179,6 @@ class CsvRecording(FileRecording):
         rows = self._rows(text, delimiter)
         columns = echoed_imu(header) or read_header(
             header, options, lambda clock: _is_plausible_clock(rows, clock))
-        below = after.partition(b'\n')[0]
-        with_units = with_units_below(
-            header, self._with_points(_decoded(below)), columns, options,
-            lambda clock: _is_plausible_clock(rows[1:], clock))
-        if with_units is not None:
-            columns = with_units
-            del rows[:1]
-            behind += len(below) + 1
-            self._first_line += 1
         if columns.headless:
             rows = self._rows(header, delimiter) + rows
         else:
@@ -348,16 +308,13 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
 
 def _nanoseconds(time: re.Match[str]) -> str:
     """Return a date and time as nanoseconds since 1970; what is none stays as it is."""
-    day, clock, part, half, hours, minutes = time.groups('')
-    date = re.sub('[./]', '-', day) or '1970-01-01'
+    day, clock, hours, minutes = time.groups('')
     try:
-        seconds = int(np.datetime64(f'{date}T{clock:0>8}', 's').astype(np.int64))
+        stamp = int(np.datetime64(f'{day}T{clock}', 'ns').astype(np.int64))
     except ValueError:
         return time[0]
-    if half:
-        seconds += 43_200 * ((half in 'Pp') - clock.startswith('12'))
-    ahead = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
-    return str((seconds - ahead) * 10**9 + int(f'{part:0<9}'))
+    ahead_s = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
+    return str(stamp - ahead_s * 10**9)
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
@@ -374,6 +331,18 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 # ------------------------------------------------------------ whether the first rows are plausible
+
+def _is_row(line: str, delimiter: str | None) -> bool:
+    """Return whether most cells of a line are numbers or times, split by this or another mark."""
+    if line.startswith(('#', '%', '//')):
+        return False
+    for cells in (_cells(line, delimiter), cells_of(line)[1]):
+        filled = [cell for cell in cells if cell.strip(QUOTES)]
+        numbers = [cell for cell in filled if is_number(cell) or _DATE.match(cell.strip(QUOTES))]
+        if 2 * len(numbers) > len(filled):
+            return True
+    return False
+
 
 def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:
     """Return the nonempty cells of a column."""

@@ -7,7 +7,7 @@ Recognized are the names of this project (``time_s``, ``gyro_x``), of EuRoC and 
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
 UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), PlotJuggler (``__time,/imu/angular_velocity/x``),
 phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nsecs``), phone apps
-(SensorLog, AndroSensor, Physics Toolbox), Shimmer, VectorNav, Xsens and short names (``t,gx,ay``).
+(SensorLog, AndroSensor), VectorNav, Xsens, autopilots and short names (``t,gx,ay``).
 Words for time and sensors may be German, Spanish, French, Italian or Portuguese.
 """
 
@@ -27,24 +27,20 @@ QUOTES = ' \t\r\n"'
 
 # Before the words may stand the path to a name, or the device it belongs to.
 _AXES = [
-    *((sensor, 1, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
+    *((sensor, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
       for sensor, letter in (('gyro', '[gw]'), ('accel', 'a'))),
-    *((sensor, rank, re.compile(
+    *((sensor, re.compile(
         r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
         rf'(?:(?:{words})[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])|([xyz])[._-](?:{words}))'))
-      for sensor, rank, words in (
-        ('gyro', 0, r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
-                    r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
-                    r'|drehrate|winkelgeschwindigkeit'),
-        ('accel', 0, r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
-                     r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc'
-                     r'|a_rs_s|g_?f(?:orce)?|accel_ln|beschleunigung'),
-        # These are taken if no column has one of the above: gravity may be removed, or noise
-        # higher.
-        ('gyro', 1, r'un_?comp_?(?:ang_?rate|gyro)'),
-        ('accel', 1, r'lin(?:ear)?_?acc(?:el(?:eration)?)?|un_?comp_?acc(?:el)?|accel_wr')))]
-"""Names of the axes of a sensor, with 0 for those preferred."""
-_LETTER_UNITS = {**dict.fromkeys(('rad/s', 'deg/s', '°/s', 'dps', 'mdps'), 'gyro'),
+      for sensor, words in (
+        ('gyro', r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
+                 r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
+                 r'|drehrate|winkelgeschwindigkeit'),
+        ('accel', r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
+                  r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc'
+                  r'|a_rs_s|lin(?:ear)?_?acc(?:el(?:eration)?)?|beschleunigung')))]
+"""Names of the axes of a sensor."""
+_UNITS = {**dict.fromkeys(('rad/s', 'deg/s', '°/s', 'dps', 'mdps'), 'gyro'),
                  **dict.fromkeys(('m/s^2', 'm/s²', 'm/s2', 'g', 'mg'), 'accel')}
 """Units that tell the sensor of a mere x, y or z. A capital G is not among them, as magnetometers
 use it (gauss)."""
@@ -55,15 +51,12 @@ _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNIT
 """A unit at the end of a name, as in ``gx_dps``."""
 _IN = r'(?:_([mun]?s(?:ec)?))?'
 _CLOCKS = tuple(re.compile(form) for form in (
-    rf'(?:[#%_]*(?:time|time_?stamp|stamp|zeit|temps|tiempo|tempo){_IN}'
-    r'|(?:.*[/.])?header[./]stamp|millis|micros|timestamp_unix)',
-    rf'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine|[#%_]*t{_IN}'
-    r'|time(?:stamp)?([mun]s)',
-    rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}|(ms|us)',
-    rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}'
-    r'|timestamp(?:sync|_formattedunix|sync_(?:formatted)?unix)'))
-"""Names of times, best first: of the sensor, since reboot, since the start of the log, of the
-day. The T of an autopilot is a temperature."""
+    rf'[#%_]*(?:time|time_?stamp|stamp|zeit|temps|tiempo|tempo|t){_IN}',
+    r'(?:.*[/.])?header[./]stamp|millis|micros|(ms|us)|time(?:stamp)?([mun]s)',
+    r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
+    rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}',
+    rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|timestamp_unix'))
+"""Names of times. The T of an autopilot is a temperature."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
             'timestartup': 'ns'}
 """Units that names of times imply: `rostopic echo -p`, Arduino's clocks, VectorNav."""
@@ -137,8 +130,6 @@ class Name:
         The name in it; blanks become underscores.
     meaning : str or None
         ``'time'``, one of the axes, or None.
-    rank : int
-        How well the name fits, 0 for the best.
     unit : str or None
         Unit behind the name or in it, of any quantity; a wrong one is rejected later.
 
@@ -147,7 +138,6 @@ class Name:
     cell: str
     name: str
     meaning: str | None
-    rank: int
     unit: str | None
 
 
@@ -168,18 +158,17 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
         raise ImuAllanError(_no_header(cells))
     for column, (meaning, unit) in chosen.items():
         known = names[column]
-        names[column] = replace(known, meaning=meaning, unit=unit or known.unit,
-                                rank=known.rank if known.meaning == meaning else 0)
+        names[column] = replace(known, meaning=meaning, unit=unit or known.unit)
     times = [column for column in chosen if names[column].meaning == 'time']
     of_axes = [column for column in chosen if column not in times]
-    parts = own_stamp = None
+    parts: Clock | None = None
+    timed = [column for column, name in enumerate(names) if name.meaning == 'time']
     # Axes that the user gives are all that are read; a given rate takes the place of the time.
     if not headless and not (of_axes and (times or options.rate_hz)):
-        of_axes = of_axes or _axes(names)
+        of_axes = of_axes or [column for column, name in enumerate(names) if name.meaning in AXES]
         if not times:
             parts = next(filter(is_usable, _split_seconds(names)), None)
-        if not (times or parts):
-            own_stamp, times = _times(names, is_usable)
+            times = [column for column in timed if is_usable(Clock(column))] or timed
     axes: dict[str, tuple[int, int, float]] = {}
     for column in sorted(of_axes):
         meaning = str(names[column].meaning)
@@ -190,10 +179,11 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
             f'the header line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
-            f'begins with a line such as {EXAMPLE}, and --columns '
+            f'begins with a line such as {EXAMPLE}, units as in gyro_x [deg/s], and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
-    clock = parts or _best_clock(names, times, own_stamp)
-    read = {*of_axes, *times, *((parts.column, parts.nanoseconds) if parts else ())}
+    unit = names[times[0]].unit if times else None
+    clock = parts or (Clock(times[0], unit and unit.strip()) if times else None)
+    read = {*of_axes, *timed, *((parts.column, parts.nanoseconds) if parts else ())}
     temperature = next((
         column for column, name in enumerate(names) if column not in read and (
             re.fullmatch(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?',
@@ -203,95 +193,6 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
                                    if column not in read and column != temperature]
     return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored), temperature, headless)
-
-
-def _axes(names: Sequence[Name]) -> list[int]:
-    """Return the columns of the axes, of each sensor those with the best names."""
-    ranks = [(str(name.meaning).partition('_')[0], name.rank) for name in names]
-    best = dict(sorted(ranks, reverse=True))
-    return [column for column, (name, (sensor, rank)) in enumerate(zip(names, ranks, strict=True))
-            if name.meaning in AXES and rank == best[sensor]]
-
-
-def _times(names: Sequence[Name], is_usable: Callable[[Clock], bool],
-           ) -> tuple[int | None, list[int]]:
-    """Return the stamp of the axes' own message, if usable, and all usable times."""
-    times = [column for column, name in enumerate(names) if name.meaning == 'time']
-    found = {column: re.fullmatch(
-        r'((?:.*[/.])?)header[./]stamp', names[column].name.lower()) for column in times}
-    stamps = {match[1]: column for column, match in found.items() if match}
-    others = [column for column in times if not found[column]]
-    axis = next((name.name.lower() for name in names if name.meaning in AXES), '')
-    own = stamps.get(max(filter(axis.startswith, stamps), key=len, default=''))
-    if own is not None and (not others or is_usable(Clock(own))):
-        return own, [own, *others]
-    return None, others if len(times) > 1 else times
-
-
-def _best_clock(names: Sequence[Name], times: Sequence[int], own_stamp: int | None,
-                ) -> Clock | None:
-    """Choose the best time column by name, and determine its unit."""
-    def rank(column: int) -> tuple[bool, int]:
-        # Text in place of a unit may describe a date format; such a column ranks last.
-        try:
-            convert(1.0, (names[column].unit or 's').strip(), 's')
-        except ImuAllanError:
-            return True, 0
-        return False, -1 if column == own_stamp else names[column].rank
-
-    ranks = sorted((rank(column), column) for column in times)
-    if not ranks:
-        return None
-    if [place for place, _ in ranks[:2]] == [(False, 0)] * 2:
-        raise _both('time', ranks[0][1], ranks[1][1])
-    time = ranks[0][1]
-    unit = names[time].unit
-    return Clock(time, unit and unit.strip())
-
-
-def is_remark(line: str) -> bool:
-    """Return whether a line is empty or begins like a comment, as some headers do, too."""
-    # Spreadsheets take their separator from sep=.
-    return line.isspace() or line.lstrip(' \t"').startswith(('#', '%', '//', 'sep='))
-
-
-def names_columns(line: str, options: RecordingOptions) -> bool:
-    """Return whether a line has the name of an axis, or one that the user gives."""
-    # Searching a hundred lines of a megabyte for axis names takes seconds.
-    cells = cells_of(line[:1 << 14])[1]
-    names = [name_of(cell) for cell in cells]
-    plain = [name.cell for name in names]
-    return (any(name.meaning in AXES for name in names)
-            or any(_with_name(text, plain) for _, named in options.columns
-                   for text in (named, named.rpartition(' ')[0])))
-
-
-def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
-                     is_usable: Callable[[Clock], bool]) -> Columns | None:
-    """Parse a header whose units are on the next line; return None if they are not."""
-    delimiter, names = cells_of(header)
-    units = cells_of(line)[1]
-    if (columns.headless or delimiter is None or len(names) != len(units)
-            or any(map(is_number, units))):
-        return None
-    # The brackets of m/(s^2) belong to it.
-    bare = [match[1] if (match := re.fullmatch(r'[\[(](.*)[\])]', plain)) else plain.strip('-')
-            for plain in (unit.strip(' "\r') for unit in units)]
-    of_axes = [bare[axis[0]] for axis in columns.axes]
-    if not any(of_axes) or any(unit and unit in names[axis[0]]
-                               for unit, axis in zip(of_axes, columns.axes, strict=True)):
-        # The line has no units, or repeats the names.
-        return None
-    joined = delimiter.join(
-        f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
-        for name, unit in zip((name.strip(' "') for name in names), bare, strict=True))
-    try:
-        return read_header(joined, options, is_usable)
-    except ImuAllanError:
-        if any('/' in unit for unit in of_axes):
-            raise
-        # The line holds other text.
-        return None
 
 
 def echoed_imu(line: str) -> Columns | None:
@@ -372,32 +273,24 @@ def name_of(cell: str) -> Name:
     name, *units = match.groups() if match else ('', None, None)
     unit = next((unit for unit in units if unit is not None), None)
     name = name.strip().replace(' ', '_')
-    meaning, rank, implied = _meaning(name.lower(), (unit or '').strip())
-    return Name(cell.strip(' "'), name, meaning, rank, unit or implied)
+    meaning, implied = _meaning(name.lower())
+    return Name(cell.strip(' "'), name, meaning, unit or implied)
 
 
-def _meaning(name: str, unit: str) -> tuple[str | None, int, str | None]:
-    """Return the meaning of a name in lower case, how well it fits, and the unit in it."""
-    # Shimmer: calibrated values, behind the name that the user gave the device.
-    if (match := re.fullmatch(
-            r'(?:\w+?_)?((?:accel_(?:ln|wr)|gyro)_[xyz]|timestamp\w*)_cal', name)) is not None:
-        name = match[1]
-    for rank, form in enumerate(_CLOCKS):
+def _meaning(name: str) -> tuple[str | None, str | None]:
+    """Return the meaning of a name in lower case, and the unit in it."""
+    for form in _CLOCKS:
         if (match := form.fullmatch(name)) is not None:
-            return 'time', rank, _IMPLIED.get(name) or next(filter(None, match.groups()), None)
-    # Physics Toolbox.
-    implied = 'g' if re.fullmatch('g_?f(?:orce)?_?[xyz]', name) else None
+            return 'time', _IMPLIED.get(name) or next(filter(None, match.groups()), None)
+    implied = None
     if (match := _UNIT_BEHIND.fullmatch(name)) is not None:
         name, *found = match.groups()
         implied = next(unit for unit, text in zip(_UNITS, found, strict=True) if text)
-    for sensor, rank, form in _AXES:
+    for sensor, form in _AXES:
         if (match := form.fullmatch(name)) is not None:
             axis = next(filter(None, match.groups()))
-            return f'{sensor}_{"xyz"["xyz012".index(axis) % 3]}', rank, implied
-    letter = re.fullmatch(r'([xyz])(?:[._-]?axis)?', name)
-    if letter is not None and unit in _LETTER_UNITS:
-        return f'{_LETTER_UNITS[unit]}_{letter[1]}', 0, implied
-    return None, 0, implied
+            return f'{sensor}_{"xyz"["xyz012".index(axis) % 3]}', implied
+    return None, implied
 
 
 def is_rest_of_imu(cell: str) -> bool:

@@ -21,8 +21,6 @@ HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
 GYRO = HEADER.partition(',')[2]
 ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
 SUMMER = [1403636579_750000000, 1403636580_000000000]
-EVENING = [stamp - 1403568000 * 10**9 for stamp in SUMMER]
-"""The same times of the day, without the day."""
 LOGGED = {'time': '1 ms', 'gyro_z': '3 deg/s', 'accel_x': '4 g'}
 THERE = 'there are time_s, time_ms, gx_dps, w0'
 ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
@@ -193,10 +191,9 @@ EIGHT_FIELDS = (
     *((f'{header}\n0,5,6\n', f'columns {both} are both {meaning}; --columns names those to read, '
        f'such as {meaning}={both[0]}') for header, both, meaning in (
            ('time_s,imu0_gyro_x,imu1_gyro_x', '2 and 3', 'gyro_x'),
-           ('time,timestamp,gyro_x', '1 and 2', 'time'))),
-    ('time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n',
-     'column accel_z: LSB cannot be turned into m/s^2; --columns gives another unit, as in '
-     "'accel_z=NAME g'"),
+           ('time_s,accel_x,linear_accel_x', '2 and 3', 'accel_x'))),
+    # A line of units, which are never taken for SI.
+    ('time,gyro_x,accel_z\ns,deg/s,g\n0.5,180,1\n1.0,90,2\n', no_axes('s,deg/s,g')),
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
     ('gyro_x,' * 200_000, 'line 1 is longer than 1 MiB: it is no table of samples'),
@@ -252,14 +249,14 @@ def fields(form):
     ('#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],'
      'a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n'
      f'{STAMP},1,2,3,4,5,6\n{STAMP + 1},1,2,3,4,5,6\n', [STAMP, STAMP + 1]),
-    (ROSTOPIC + f'{STAMP},7,{STAMP + 5},imu,0,-1,1,2,3,0,4,5,6,0\n', [STAMP + 5]),
+    (ROSTOPIC + f'{STAMP},7,{STAMP + 5},imu,0,-1,1,2,3,0,4,5,6,0\n', [STAMP]),
     (ECHOED.format(17) + ECHOED.format(18), [5_000_000_017, 5_000_000_018]),
     (f'__time,/gps/fix,{fields("/imu/{}/{}")}\n'
      '1.5,,1,2,3,4,5,6\n1.75,9,,,,,,\n2.5,,1,2,3,4,5,6\n', [1_500_000_000, 2_500_000_000]),
     (f'__time,/cam/header/stamp,/imu/header/stamp,{fields("/imu/{}/{}")},/imu/orientation/x\n'
-     '7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n8,,2.5,1,2,3,4,5,6,0\n', [1_500_000_000, 2_500_000_000]),
-    (f'__time,/imu/header/stamp,{fields("/imu/{}/{}")}\n'
-     '7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
+     '7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n8,,2.5,1,2,3,4,5,6,0\n', [7 * 10**9, 8 * 10**9]),
+    (f'/imu/header/stamp,__time,{fields("/imu/{}/{}")}\n'
+     '0,7,1,2,3,4,5,6\n0,8,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
     (f'/imu/raw/header/stamp,{fields("/imu/data/{}/{}")}\n1.5,1,2,3,4,5,6\n', [1_500_000_000]),
     ('timestamp [nsec],gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
      f'"{STAMP}","1","2","3","4","5","6"\n"{STAMP + 5_000_001}","1","2","3","4","5","6"\n',
@@ -287,8 +284,6 @@ def fields(form):
     ('ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);GYROSCOPE X (rad/s);'
      'GYROSCOPE Y (rad/s);GYROSCOPE Z (rad/s);MAGNETIC FIELD X (μT);Time since start in ms ;'
      'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
-    ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
-     '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
     ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
      '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
     ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\ngx: 250 dps, ax: 8 g\ngain,ax\n'
@@ -298,10 +293,6 @@ def fields(form):
     ('millis,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('ms,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000_000]),
     ('micros,ax,ay,az,gx,gy,gz\n500,4,5,6,1,2,3\n', [500_000]),
-    ('"sep=\\t"\nS_1_TimestampSync_FormattedUnix_CAL\tS_1_Accel_LN_X_CAL\tS_1_Accel_LN_Y_CAL\t'
-     'S_1_Accel_LN_Z_CAL\tS_1_Accel_WR_X_CAL\tS_1_Gyro_X_CAL\tS_1_Gyro_Y_CAL\tS_1_Gyro_Z_CAL\t\n'
-     'yyyy/mm/dd hh:mm:ss.000\tm/(s^2)\tm/(s^2)\tm/(s^2)\tm/(s^2)\trad/s\trad/s\trad/s\t\n'
-     '1970/01/01 00:00:02.500\t4\t5\t6\t7\t1\t2\t3\t\n', [2_500_000_000]),
     ('"Zeit (s)";"Gyroskop x (rad/s)";"Gyroskop y (rad/s)";"Gyroskop z (rad/s)";'
      '"Beschleunigung x (m/s^2)";"Beschleunigung y (m/s^2)";"Beschleunigung z (m/s^2)"\n'
      '2,5E0;1,0E0;2,0E0;3,0E0;4,0E0;5,0E0;6,0E0\n', [2_500_000_000]),
@@ -310,25 +301,19 @@ def fields(form):
      [2_500_000_000]),
     ('TimeStartup,UncompAccelX,UncompGyroX,Temp,AccelX,AccelY,AccelZ,AngularRateX,AngularRateY,'
      'AngularRateZ\n2500000001,7,8,25,4,5,6,1,2,3\n', [2_500_000_001]),
-    ('timestamp,ACCL_x,Acel_y,accl z,GYRO_x,GYRO_y,GYRO_z,LinearAccel_x\n'
-     'ISO8601,m/s²,m/s²,m/s²,rad/s,rad/s,rad/s,m/s²\n1970-01-01T00:00:02.5Z,4,5,6,1,2,3,7\n',
-     [2_500_000_000]),
     ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2500000,0,1,2,3,4,5,6,25\n', [2_500_000_000]),
     ('timestamp,TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2.5,7,0,1,2,3,4,5,6,25\n',
      [2_500_000_000]),
     ('time_usec,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_m_s2[0],'
      'accelerometer_m_s2[1],accelerometer_m_s2[2]\n2500000,1,2,3,5000,4,5,6\n', [2_500_000_000]),
-    ('Time [s],UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,UnCompGyroZ\n'
-     '2.5,4,5,6,1,2,3\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'bagpy',
-        'sensorlog', 'androsensor', 'units alone', 'time beside two numbers',
+        'sensorlog', 'androsensor', 'time beside two numbers',
         'arduino that starts',
-        'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast', 'shimmer',
-        'phyphox in German', 'other languages', 'vectornav', 'dates',
-        'ardupilot', 'mavlogdump', 'px4',
-        'vectornav, not compensated'])
+        'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast',
+        'phyphox in German', 'other languages', 'vectornav',
+        'ardupilot', 'mavlogdump', 'px4'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -342,11 +327,10 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [g],accel_y [g],accel_z [g]',
      (pi / 180, 9.80665)),
     ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
-    ('x-axis (deg/s),y-axis (deg/s),z-axis (deg/s),Acc X (m/s2),Acc Y (m/s2),Acc Z (m/s2)',
+    ('w_x (deg/s),w_y (deg/s),w_z (deg/s),Acc X (m/s2),Acc Y (m/s2),Acc Z (m/s2)',
      (pi / 180, 1.0)),
     ('gx [deg/s/131],gy [deg/s/131],gz [deg/s/131],ax [g/2048],ay [g/2048],az [g/2048]',
      (pi / 180 / 131, 9.80665 / 2048)),
-    ('wx,wy,wz,gFx,gFy,gForce_z,ax,ay,az', (1.0, 9.80665)),
     ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
      (pi / 180, 1.0)),
 ])
@@ -358,10 +342,8 @@ def test_units_stand_in_names_in_many_ways(path, header, factors):
 
 
 @pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'latin-1'])
-@pytest.mark.parametrize('header', ['t [µs],gyro_x [°/s],accel_x [m/s²]',
-                                    't,gyro_x,accel_x\nµs,°/s,m/s²'])
-def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, header, encoding):
-    path.write_text(f'{header}\n500,180,1\n', encoding)
+def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, encoding):
+    path.write_text('t [µs],gyro_x [°/s],accel_x [m/s²]\n500,180,1\n', encoding)
     messages, _ = read(path)
     assert messages.header_ns.tolist() == [500_000]
     assert messages.samples[0, [0, 3]] == pytest.approx([pi, 1.0], rel=1e-15)
@@ -375,12 +357,6 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, hea
     ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
     # As pandas names an index.
     (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
-    ('time,gx', ('2014/06/24 19:02:59.75,', '2014.06.24 19:03:00,'), SUMMER),
-    # As spreadsheets of several countries and MATLAB write them.
-    ('time;gx', ('24.06.2014 19:02:59,75;', '06/24/2014 7:03:00 PM;0,'), EVENING),
-    ('time,gx', ('24-Jun-2014 19:02:59.75,', '24-Jun-2014 19:03:00,'), EVENING),
-    ('time;gx', ('19:02:59:750;', '19:03:00:000;'), EVENING),
-    ('time,gx', ('12:00:00.25 am,', '12:00:00.5 PM,'), [250_000_000, 43_200_500_000_000]),
     # A logger without a battery.
     ('time,gx', ('1970-01-01T01:59:59.99+02:00,', '1970-01-01T02:00:00.00+02:00,'),
      [-10_000_000, 0])])
@@ -407,17 +383,14 @@ def test_times_of_another_form_are_no_numbers_and_reported(path, options):
     *((text, LOGGED, [2.5, 3.5], {2: [pi / 2, pi], 3: [9.80665, 19.6133]}) for text in (
         '2500 imu 90 1\n3500 imu 180 2\n',
         *(f'{above}2500,imu,90,1\n3500,imu,180,2\n' for above in (
-            'a,b,c,d\n', 'Device,A\na,b,c,d\n', 'Subject: A\n')))),
+            'a,b,c,d\n', 'Device,A\na,b,c,d\n')))),
     *((text, {'gyro_x': 'w0', 'time': 'time'}, [1, 2], {0: [2, 3]}) for text in (
         '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
     ('\ufeff0;1,5\n0,1;1,6\n', {'time': '1', 'gyro_x': '2'}, [0, 0.1], {0: [1.5, 1.6]}),
-    *((f',time,gyro_x,accel_z,other\n,{units}\n0,500,180,1,a\n1,510,90,2,b\n', {}, [0.5, 0.51],
-       {0: [pi, pi / 2], 5: [9.80665, 19.6133]})
-      for units in ('"ms","deg/s","g",', 'ms,(deg/s),g,')),
 ], ids=['names', 'blanks', 'numbers of named columns', 'below a device',
-        'below a subject', 'comment and blanks', 'two comments',
-        'mark and decimal commas', *2 * ['line of units']])
+        'comment and blanks', 'two comments',
+        'mark and decimal commas'])
 def test_columns_of_any_name_can_be_named_or_numbered(path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
     if 'other' in text:
