@@ -13,15 +13,16 @@ from launch_ros.substitutions import FindPackageShare
 TEXTS = {
     'gyro_topic': 'Topic of the gyroscope, for an IMU on two topics',
     'accel_topic': 'Topic of the accelerometer, for an IMU on two topics',
-    'state_file': 'File that keeps the state of the run over crashes and restarts; empty keeps '
+    'state_file': 'File that keeps the state of the run over crashes and restarts; none keeps '
                   'nothing',
     'output_dir': 'Folder that ~/save and shutdown write to',
     'spec_file': 'Datasheet to check the IMU against',
     'reference': 'Earlier result to compare the IMU with',
     'temperature_topic': "Topic of the IMU's thermometer",
 }
-"""Parameters that an argument sets where it is given; else the parameter file does."""
-NOT_GIVEN = 'as in params_file'
+"""Parameters that an argument sets where it is not empty; else the parameter file does."""
+NOTHING = 'none'
+"""As an argument it makes a parameter empty: ros2 launch takes no empty one."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -35,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
                               description='Parameter file'),
         DeclareLaunchArgument('imu_topic', default_value='imu/data_raw',
                               description='Topic of the sensor_msgs/Imu messages'),
-        *(DeclareLaunchArgument(name, default_value=NOT_GIVEN, description=text)
+        *(DeclareLaunchArgument(name, default_value='', description=text)
           for name, text in TEXTS.items()),
         DeclareLaunchArgument('log_level', default_value='info',
                               choices=['debug', 'info', 'warn', 'error', 'fatal'],
@@ -56,7 +57,8 @@ def start(context: LaunchContext) -> list[Node]:
     if not file.is_file():
         # launch would go on with the defaults.
         raise RuntimeError(f'params_file {file}: no such file')
-    texts = {name: chosen(name) for name in TEXTS if chosen(name) != NOT_GIVEN}
+    texts = {name: '' if chosen(name) == NOTHING else chosen(name)
+             for name in TEXTS if chosen(name)}
     return [Node(
         package='imu_allan', executable='imu_allan_node', name=chosen('name'),
         namespace=chosen('namespace'), output='screen',

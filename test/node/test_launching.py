@@ -167,7 +167,7 @@ def test_the_topic_of_one_imu_is_remapped_and_defaults_leave_the_file_alone(tmp_
     assert words[:3] == ['--ros-args', '--log-level', 'info']
     assert '__ns:=/' in words
     assert str(ROOT / 'config' / 'imu_allan.yaml') in words
-    # What is not given is not set: the file would be overruled.
+    # What is empty is not set: the file would be overruled.
     assert yaml.safe_load((tmp_path / 'launch_params_1.yaml').read_text()) == {
         '/**': {'ros__parameters': {'use_sim_time': False}}}
     # It saves before it ends, which takes longer than launch waits by default.
@@ -179,8 +179,8 @@ def test_a_missing_file_ends_the_launch():
         launched('imu_allan', params_file='/no/such')
 
 
-def test_an_empty_state_file_reaches_the_node_which_then_keeps_none():
-    [node] = launched('imu_allan', state_file='')
+def test_no_state_file_reaches_the_node_which_then_keeps_none():
+    [node] = launched('imu_allan', state_file='none')
     assert node.parameters[1] == {'use_sim_time': False, 'state_file': ''}
 
 
