@@ -12,7 +12,7 @@ from dataclasses import replace
 from imu_allan.arrays import Array, Bools
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.alive import Repeats
-from imu_allan.timeline.memory import Decision, FASTEST_NS, Memory
+from imu_allan.timeline.memory import Decision, Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
 from imu_allan.timeline.pace import (
@@ -26,9 +26,7 @@ from imu_allan.timeline.pace import (
 )
 from imu_allan.timeline.stamps import (
     flaw_of,
-    in_order,
     order_stamps,
-    overlaps,
     place_in_burst,
     SECOND,
     Stamps,
@@ -55,7 +53,10 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
     flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
              'receive': flaw_of(window.receive_ns, repeats, bursts=True)}
     choice = 'header' if options.clock == 'auto' else options.clock
-    if flaws['header'] and options.clock == 'auto':
+    # A table or a log has one time per sample, so there is no clock to choose.
+    one = np.array_equal(window.header_ns, window.receive_ns)
+    if flaws['header'] and options.clock == 'auto' and not (
+            one and flaws['header'] == 'out of order'):
         if not flaws['receive']:
             decision.use_receive(flaws['header'])
             return
@@ -64,8 +65,7 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
             flaws['header'] = None
     if flaws[choice]:
         if options.rate_hz is None:
-            if np.array_equal(window.header_ns, window.receive_ns):
-                # A table or a log has one time per sample, so there is no clock to choose.
+            if one:
                 raise ImuAllanError(f'the times of the samples are {flaws[choice]}: '
                                     'mend them, or state the sample rate (analyze --rate)')
             what = (f'{choice} stamps are {flaws[choice]}: choose the other clock '
@@ -79,7 +79,6 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
         # Different messages share a stamp more often than by an occasional driver fault.
         tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
         decision.ticks = int(np.count_nonzero(tied)) > max(2, 1e-3 * len(tied))
-        decision.overlaps = overlaps(window.header_ns)
     decision.clock = choice
 
 
@@ -115,8 +114,6 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     rows = ~(repeats.held | repeats.frozen | twice)
     own, other = (stamps[rows] for stamps in stamps_of(memory, window))
     bursts = decision.separates_equal_stamps
-    if decision.overlaps:
-        own = in_order(own, None, float(np.median(np.diff(own))))
     if repeats.evenly:
         polls = ~(repeats.frozen | twice)
         polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))
@@ -129,9 +126,6 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
             or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):
         return pace
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-    if _leaps(own, other, pace, speed):
-        decision.use_receive('in leaps')
-        return _pace_of(other, own, bursts=True)
     # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
     # samples; beyond, the other clock shows no losses either.
     if (pace.hidden > 0.3 or (follow_a_beat(own) if pace.counting else
@@ -205,19 +199,6 @@ def _is_full(stamps: Stamps, interval_ns: float) -> bool:
     """Return whether hardly any place between the first and the last stamp is empty."""
     places = float(stamps[-1] - stamps[0]) / interval_ns + 1
     return abs(len(stamps) - places) < 0.01 * places
-
-
-def _leaps(own: Stamps, other: Stamps, pace: Pace, speed: float) -> bool:
-    """Return whether stamps are slow and catch up in leaps that the other clock lacks."""
-    # This happens if microseconds are written into the nanoseconds field.
-    if pace.counting:
-        return False
-    steps, passed = np.diff(own), np.diff(other)
-    near = (steps > 0) & (steps < 1.5 * pace.interval_ns)
-    crawl = float(passed[near].sum()) / max(float(steps[near].sum()), 1.0)
-    # A replay at another speed keeps that speed throughout. The factor of ten is a judgment.
-    # Stamps between two leaps do not show the overall speed, but an impossible rate.
-    return crawl > 10 and (speed < 0.1 * crawl or pace.interval_ns < FASTEST_NS)
 
 
 def repeated(samples: Array) -> Bools:

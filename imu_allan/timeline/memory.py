@@ -21,8 +21,8 @@ import numpy as np
 
 Clock = Literal['header', 'receive']
 
-FASTEST_NS = 5e3
-"""No IMU samples at more than 200 kHz."""
+_FASTEST_NS = 5e4
+"""No IMU samples at more than 20 kHz: microseconds were written as nanoseconds, for example."""
 
 
 @dataclass
@@ -133,7 +133,6 @@ class Decision(Record):
     first_interval_ns: float | None = None
     # Whether header stamps come in ticks, so that different messages share a stamp.
     ticks: bool = False
-    overlaps: bool = False  # whether successive batches of header stamps overlap
     # Axes that have values in the first messages; of other axes none are used.
     present: list[bool] = field(default_factory=lambda: [True] * 6)
     # Other axes that are not declared absent: they hold no numbers.
@@ -148,17 +147,16 @@ class Decision(Record):
     @property
     def separates_equal_stamps(self) -> bool:
         """Whether messages with equal stamps are distinguished by their values."""
-        return not self.counted_only and (self.clock == 'receive' or self.ticks
-                                          or self.overlaps)
+        return not self.counted_only and (self.clock == 'receive' or self.ticks)
 
     def use_receive(self, flaw: Flaw | None) -> None:
         """Use receive stamps, because of a flaw of the header stamps or, with None, as better."""
-        self.clock, self.ticks, self.overlaps = 'receive', False, False
+        self.clock, self.ticks = 'receive', False
         self.remarks['receive_clock'] = {'flaw': flaw}
 
     def take_pace(self, pace: Pace, one_clock: bool) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
-        if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
+        if not _FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
             advance = f'advance by {pace.interval_ns / SECOND:.3g} s from'
             raise ImuAllanError(

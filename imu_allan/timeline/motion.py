@@ -159,8 +159,6 @@ class MotionDetector(Record):
         short = segment.given == 0 and segment.held < windows.size
         shorter = windows.size / segment.held if short else 1.0
         beyond = windows.implausible(segment, first)[:last - first]
-        if segment.closed or segment.base + first < windows.farthest:
-            beyond |= windows.beyond_before(segment, first, last)
         moving = beyond | level.exceeds_rest(found, shorter)
         unclear = moving | level.awake(found)
         if unclear.any() and level.refine_resolution(

@@ -84,7 +84,7 @@ def unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int,
 
 
 def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int, bool]]:
-    """Return the first message of each segment at one rate, and whether at another one."""
+    """Return the first message of each segment at one rate, to a block, and whether at another."""
     # A segment lasts at least two blocks. A block has 64 messages, 256 where messages are counted,
     # and more if they come in long batches.
     block = PHASE_GROUP
@@ -103,10 +103,7 @@ def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int,
             state = not state
         if not runs or runs[-1][1] != state:
             runs.append((start, state))
-    edges = [0, *(_change_point(places, first, other) for first, other in runs[1:])]
-    # Changes are located one by one, so those around a short run may be out of order.
-    ordered = np.maximum.accumulate(edges).tolist()
-    return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
+    return runs
 
 
 def _on_rate(places: Array, counting: bool) -> bool:
@@ -128,14 +125,3 @@ def _on_rate(places: Array, counting: bool) -> bool:
     _, spread = group_phases(places)
     return len(places) < 2 or bool(np.mean(one) > 0.3 and spread < COUNTING_SPREAD
                                    and places[-1] - places[0] > 0.9 * (len(places) - 1))
-
-
-def _change_point(places: Array, near: int, to_other: bool) -> int:
-    """Locate the message near number `near` at which the rate changes."""
-    reach = 256   # messages on each side
-    first, last = max(near - reach, 0), min(near + reach, len(places) - 1)
-    steps = np.diff(places[first:last + 1])
-    other = float(np.median(steps[-reach // 2:] if to_other else steps[:reach // 2]))
-    worse = np.minimum(np.abs(steps - 1), 1) - np.minimum(np.abs(steps - other), 1)
-    total = np.cumsum(worse if to_other else -worse)
-    return first + 1 + int(np.argmin(total))

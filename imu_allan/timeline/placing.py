@@ -21,7 +21,7 @@ from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.other_rate import may_change, rate_changes, uneven_rates, unpaced
 from imu_allan.timeline.pace import measure_pace
-from imu_allan.timeline.stamps import in_order, order_stamps, place_in_burst, SECOND, Stamps
+from imu_allan.timeline.stamps import order_stamps, place_in_burst, SECOND, Stamps
 import numpy as np
 
 _NEVER_NS = 5 * 365 * 86400 * SECOND
@@ -97,8 +97,6 @@ def _runs(memory: Memory, messages: Messages) -> Iterator[Messages]:
 def _untie(memory: Memory, stamps: Stamps, consumed: int) -> Stamps:
     """Separate messages with equal stamps by one nanosecond each."""
     cursor = memory.cursor
-    if memory.decision.overlaps:
-        stamps = in_order(stamps, cursor.tied_to, memory.decision.pace.interval_ns)
     since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
     if consumed:
         cursor.tied_to, cursor.ties = int(stamps[consumed - 1]), int(since[consumed - 1])

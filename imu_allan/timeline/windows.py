@@ -66,12 +66,9 @@ class Segment(Record):
 
 @dataclass
 class Windows(Record):
-    """The division of rows into windows, and what is known of the window means."""
+    """The division of rows into windows."""
 
     interval_s: float  # sample interval; a window is half a second, 25 rows at least
-    # Grid place, number of rows, means and noise of the newest windows of closed segments, shape
-    # (windows, 14).
-    recent: Array = field(default_factory=lambda: np.empty((0, 14)))
 
     def __post_init__(self) -> None:
         """Compute the number of rows in a window."""
@@ -114,27 +111,6 @@ class Windows(Record):
                 beyond[lag:] |= _implausible(
                     change, np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size))
         return beyond[first:]
-
-    def beyond_before(self, segment: Segment, first: int, last: int) -> Bools:
-        """Find windows whose mean is implausibly far from those of the segments just before."""
-        beyond = np.zeros(last - first, dtype=bool)
-        reach, rows = self.farthest * self.size, float(min(self.size, segment.held))
-        places = segment.first_index + (segment.base + np.arange(last)) * self.size
-        noise = segment.loudness[:last, :6] ** 1.5
-        near = self.recent[self.recent[:, 0] >= places[first] - reach]
-        if segment.base + first < self.farthest and not segment.new_run and len(near):
-            new = slice(first, min(last, self.farthest - segment.base))
-            far = _implausible(
-                np.abs(segment.means[new, None] - near[:, 2:8]),
-                np.minimum(noise[new, None], near[:, 8:]) * np.sqrt(1 / near[:, 1:2] + 1 / rows))
-            close = places[new, None] - near[:, 0] <= reach
-            beyond[:len(far)] = np.any(far & close, axis=1)
-        if segment.closed:
-            newest = slice(max(last - self.farthest, 0), last)
-            # Windows after a gap are compared with up to 64 windows before it.
-            self.recent = np.concatenate([self.recent, np.column_stack([
-                places, np.full(last, rows), segment.means[:last], noise])[newest]])[-64:]
-        return beyond
 
 
 def _implausible(change: Array, white: Array) -> Bools:

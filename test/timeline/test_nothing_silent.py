@@ -148,8 +148,7 @@ STAMPS = [
     ('11100 by one clock', 5.0, 1200, 1e-3, 2, lambda m, _: lose(one_clock(m), '11100')),
     ('batches that hide what is dropped in turn', 100.0, 50, 1e-3, 2,
      lambda m, _: dated_back(m, 8, 1.08).pick(m.place % 4 != 0)),
-    ('batches dated back, one clock', 1000.0, 60, 1e-4, 0,
-     lambda m, _: one_clock(dated_back(m, 16, 1.08, 1000.0))),
+    ('batches dated back', 1000.0, 60, 1e-4, 0, lambda m, _: dated_back(m, 16, 1.08, 1000.0)),
     ('most lost of late receive stamps', 800.0, 20, 1e-3, 50, lambda m, rng: lose(
         received(m, m.receive), 0.55, rng)),
     *((f'overruns of {share}, {shifts=}', 100.0, 150, rel, 200 * shifts, partial(
@@ -307,7 +306,7 @@ def test_an_outlier_in_every_so_many_samples_does_not_pass_for_a_second_sensor(e
 
 
 @pytest.mark.parametrize(('speed', 'back_s'), [
-    (0.001, 0), (0.1, 0), (1.08, 0), (10.0, 0), (1000.0, 0), (10.0, 500.0), (1.0, 3600.0)])
+    (0.01, 0), (0.1, 0), (1.08, 0), (10.0, 0), (1000.0, 0), (10.0, 500.0), (1.0, 3600.0)])
 def test_clocks_of_different_speed_are_reported(speed, back_s):
     messages, _, _ = rest()
     messages.header *= speed
