@@ -10,13 +10,13 @@ from imu_allan.finding import Finding, finding
 from imu_allan.timeline.clock import repeated
 from imu_allan.timeline.stamps import flaw_of, Stamps
 from imu_allan.wording import duration
-import numpy as np
 
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None, path: object,
             shortfall: list[Finding]) -> Iterator[ImuBlock]:
     """Yield what was received in a window; if less was recorded, add a finding to `shortfall`."""
     begin: int | None = None
+    end: int | None = None
     first = last = 0
     by_header = False
     for block in blocks:
@@ -27,12 +27,13 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
         stamps = block.header_ns if by_header else block.receive_ns
         if begin is None:
             first = int(stamps[0])
-            begin = _later(first, start_s)
+            begin = first + round(start_s * 1e9)
+            end = None if duration_s is None else begin + round(duration_s * 1e9)
         last = int(stamps[-1])
         keep = stamps >= begin
-        if duration_s is not None:
-            keep &= stamps < _later(begin, duration_s)
-            if not keep.any() and np.all(stamps >= _later(begin, duration_s)):
+        if end is not None:
+            keep &= stamps < end
+            if (stamps >= end).all():
                 return
         if keep.all():
             yield block
@@ -55,9 +56,3 @@ def _by_header(block: ImuBlock) -> bool:
         return flaw_of(stamps, repeated(block.samples), bursts=True) is not None
 
     return unusable(block.receive_ns) and not unusable(block.header_ns)
-
-
-def _later(stamp_ns: int, seconds: float) -> int:
-    """Add seconds to a stamp; limit the sum to the latest stamp that can be represented."""
-    latest_ns = 2**63 - 1   # the latest that fits into 64 bits
-    return min(stamp_ns + round(min(seconds, latest_ns * 1e-9) * 1e9), latest_ns)
