@@ -138,7 +138,6 @@ CODES: Mapping[str, Code] = {
     'uneven_stamps': _know(
         clock=Text, hidden_share=Share | None, density_high_share=Share | None,
         rate_error_share=Share | None),
-    'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
     'clock_jumps': _know(clock=Text, count=Count),
     'held_values': _know(share=Share),
     'unit_g': _know(),

@@ -542,14 +542,6 @@ WORDS: Mapping[str, Words] = {
              'be missing unseen, and N then up to {density_high_share:.1%} too high][. The rate '
              'may be up to {rate_error_share:.1%} off]',
         do='let the driver stamp each sample when it is taken'),
-    'uneven_rate': Words(
-        'uneven rate',
-        'The rate varies: averaging times are off by up to so much, N by half of it.',
-        'The rate differs between segments.',
-        says='the sample rate varies between {lowest_hz:.5g} and {highest_hz:.5g} Hz: '
-             '{mean_hz:.5g} Hz, its mean, is used. Averaging times may be up to '
-             '{tau_error_share:.1%} off and N half as much',
-        do='let the sensor set the rate, not a timer of the driver'),
     'clock_jumps': Words(
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
         'A stamp and all that follow lie far from where the rate puts them.',

@@ -151,8 +151,6 @@ SAID = [
     finding('uneven_stamps', clock='header'),
     finding('uneven_stamps', clock='header', hidden_share=0.1,
             density_high_share=0.06, rate_error_share=0.02),
-    finding('uneven_rate', lowest_hz=100.0, highest_hz=101.8, mean_hz=100.89,
-            tau_error_share=0.009),
     finding('clock_jumps', clock='header', count=1),
     finding('clock_jumps', clock='header', count=3), finding('repeated_part', messages=60_000),
     finding('held_values', share=0.5), finding('unit_g'),

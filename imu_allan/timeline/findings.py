@@ -35,8 +35,7 @@ def remarks_of(memory: Memory) -> tuple[Finding, ...]:
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
     """Bound the relative errors, too low and too high, of N due to faults of the stamps."""
-    either = ((_uneven_error(counts) + _short_error(counts, decision)) / 2
-              + _interpolation_error(counts))
+    either = _short_error(counts, decision) / 2 + _interpolation_error(counts)
     return either, either + _hidden_error(decision)
 
 
@@ -56,15 +55,6 @@ def _interpolation_error(counts: Counts) -> float:
     many = counts.interpolated >= 0.51 * (counts.samples + counts.interpolated)
     # On 36 axes N was off by up to 13 % with 57.5 % lost, by 19 % with 60 %; more losses are gaps.
     return 0.25 if counts.interpolated and many else 0.0
-
-
-def _uneven_error(counts: Counts) -> float:
-    if not (counts.lowest_rate_hz and counts.paced_ns and counts.paced_steps):
-        return 0.0
-    rate = counts.paced_steps / counts.paced_ns * SECOND
-    off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
-    # A rate that is 0.5 % off changes the noise density by half of that.
-    return off if off >= 0.005 else 0.0
 
 
 def mostly_motion(motion: MotionSummary) -> bool:
@@ -112,13 +102,6 @@ def _figures(memory: Memory) -> Figures:
             'from_hz': used if known else other, 'to_hz': other if known else used,
             'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
             'most_left_out': counts.at_other_rate >= counts.samples}
-    uneven = _uneven_error(counts)
-    if uneven:
-        # The rate changes too little, or too briefly, to be cut out.
-        rate = counts.paced_steps / counts.paced_ns * SECOND
-        figures['uneven_rate'] = {'lowest_hz': min(counts.lowest_rate_hz, rate),
-                                  'highest_hz': max(counts.highest_rate_hz, rate),
-                                  'mean_hz': rate, 'tau_error_share': uneven}
     if counts.other_frames:
         figures['several_frames'] = {'frame_id': decision.frame_id,
                                      'others': list(counts.other_frames),

@@ -78,9 +78,6 @@ class Counts(Record):
     # When the rate first changed, and the new rate.
     rate_changed_s: float = 0.0
     changed_rate_hz: float = 0.0
-    # Range of rates if messages are used whose rate is not the measured one; 0 if there are none.
-    lowest_rate_hz: float = 0.0
-    highest_rate_hz: float = 0.0
     # Time and places of all unbroken segments; their ratio is the rate.
     paced_ns: int = 0
     paced_steps: int = 0

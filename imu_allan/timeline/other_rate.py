@@ -3,7 +3,7 @@
 """
 Messages at another rate than the first ones: whether to look for them, and where they are.
 
-Another rate that lasts is left out; one that is too near, or too brief, is reported as uneven.
+Another rate that lasts is left out. One that is within 2 %, or brief, changes N by 1 % at most.
 """
 
 from math import pi, sqrt
@@ -11,7 +11,7 @@ from math import pi, sqrt
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import COUNTING_SPREAD, group_phases, Pace, PHASE_GROUP
-from imu_allan.timeline.stamps import SECOND, Stamps
+from imu_allan.timeline.stamps import Stamps
 import numpy as np
 
 
@@ -20,46 +20,17 @@ def may_change(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
     n = len(stamps)
     if n < 2:
         return False
-    passed, counted, unbroken = _without_gaps(stamps, steps, pace, tolerated)
-    if _disagree(passed, counted, n, pace) or counted - unbroken > 0.25 * n:
+    passed, counted = np.diff(stamps), steps[1:]
+    short = ~_gaps(passed, counted, tolerated, pace)
+    elapsed, places = float(passed[short].sum()) / pace.interval_ns, int(counted[short].sum())
+    # They differ by more than jitter explains, or many places are empty.
+    width = sqrt(12) * pace.spread if pace.counting else 0.0
+    if (abs(elapsed - places) > 4 + width + 0.003 * n
+            or places - np.count_nonzero(short) > 0.25 * n):
         return True
     # Half the rate for some of the messages looks like every second one lost.
     blocks = steps[1:][:(n - 1) // PHASE_GROUP * PHASE_GROUP].reshape(-1, PHASE_GROUP)
     return bool(np.any(np.count_nonzero(blocks > 1, axis=1) >= PHASE_GROUP // 2))
-
-
-def uneven_rates(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> list[float]:
-    """Return the rates in Hz of messages whose rate differs too little to leave any out."""
-    whole = _uneven_rate(stamps, steps, pace, tolerated)
-    if whole is None:
-        return []
-    # A difference for some seconds is small in the whole, so parts of 256 messages are checked.
-    parts = [_uneven_rate(stamps[first:first + 256], steps[first:first + 256], pace, tolerated)
-             for first in range(0, len(stamps), 128)]
-    return [whole, *filter(None, parts)]
-
-
-def _uneven_rate(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> float | None:
-    """Return the rate of messages, or None if it is unchanged or too few are free of gaps."""
-    passed, counted, unbroken = _without_gaps(stamps, steps, pace, tolerated)
-    if counted < 128 or passed <= 0 or not _disagree(passed, counted, unbroken, pace):
-        return None
-    return SECOND / pace.interval_ns * counted / passed
-
-
-def _without_gaps(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int
-                  ) -> tuple[float, int, int]:
-    """Return elapsed intervals, grid places and number of messages, each without gaps."""
-    passed, steps = np.diff(stamps), steps[1:]
-    short = ~_gaps(passed, steps, tolerated, pace)
-    return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
-            int(np.count_nonzero(short)))
-
-
-def _disagree(passed: float, counted: int, messages: int, pace: Pace) -> bool:
-    """Return whether elapsed and counted intervals differ by more than jitter explains."""
-    width = sqrt(12) * pace.spread if pace.counting else 0.0
-    return abs(passed - counted) > 4 + width + 0.003 * messages
 
 
 def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:

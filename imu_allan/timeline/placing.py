@@ -19,7 +19,7 @@ from imu_allan.timeline.grid import even_blocks
 from imu_allan.timeline.losses import count_steps, EVEN_JITTER
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.messages import Messages
-from imu_allan.timeline.other_rate import may_change, rate_changes, uneven_rates, unpaced
+from imu_allan.timeline.other_rate import may_change, rate_changes, unpaced
 from imu_allan.timeline.pace import measure_pace
 from imu_allan.timeline.stamps import order_stamps, place_in_burst, SECOND, Stamps
 import numpy as np
@@ -131,13 +131,12 @@ def _at_one_rate(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
             decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
     places, steps = _count(memory, messages)
     c, changes = messages.consumed, [(0, False)]
-    known = messages.stamps[:c], steps[:c], decision.pace, memory.options.gap_tolerance + 1
-    if not decision.counted_only and (cursor.other_rate or may_change(*known)):
+    tolerated = memory.options.gap_tolerance + 1
+    if not decision.counted_only and (cursor.other_rate or may_change(
+            messages.stamps[:c], steps[:c], decision.pace, tolerated)):
         changes = rate_changes(places[:c], decision.pace, cursor.other_rate)
         if changes == [(0, True)] and _as_before(memory, messages):
             changes = [(0, False)]
-        if changes == [(0, False)]:
-            _note_uneven(memory, uneven_rates(*known))
     for (first, other_rate), (last, _) in pairwise([*changes, (c, False)]):
         part = messages.pick(slice(first, last if last < c else None))
         if part.consumed and other_rate:
@@ -178,14 +177,6 @@ def _count(memory: Memory, messages: Messages) -> tuple[Array, Ints]:
         stamps - cursor.last_ns, cursor.late_ns)
     places = (since.astype(np.float64) + late_ns) / pace.interval_ns
     return places, count_steps(places, pace, 0.0 if new else late_ns / pace.interval_ns, new)
-
-
-def _note_uneven(memory: Memory, rates: list[float]) -> None:
-    """Record rates that differ too little, or too briefly, for messages to be left out."""
-    counts, usual = memory.counts, SECOND / memory.decision.pace.interval_ns
-    if rates:
-        counts.lowest_rate_hz = min(counts.lowest_rate_hz or usual, usual, *rates)
-        counts.highest_rate_hz = max(counts.highest_rate_hz, usual, *rates)
 
 
 def _put(memory: Memory, messages: Messages, steps: Ints) -> list[EvenBlock]:

@@ -78,16 +78,6 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
         if jump is None:
             break
         at = start + jump
-        stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
-        # Up to eight messages far ahead have stray stamps; with more, the clock jumped forward.
-        if 0 < len(stray) <= 8 and (newest is None or newest < stamps[at]):
-            kept_before = np.flatnonzero(keep[start:stray[0]])
-            if len(kept_before) or newest is not None:
-                keep[stray] = False
-                newest = (int(stamps[start + kept_before[-1]]) if len(kept_before)
-                          else newest)
-                start = at
-                continue
         jumps[at] = True
         start, newest = at, None
     return Order(keep, duplicate, jumps)

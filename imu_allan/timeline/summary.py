@@ -134,12 +134,4 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
     passed = counts.paced_ns - max(int(late_ns / interval), 0) * interval
     if passed <= 0 or not counts.paced_steps:
         return None
-    rate = counts.paced_steps / passed * SECOND
-    if decision.pace.counting and decision.first_interval_ns:
-        # A short record begins or ends within a batch; the first interval is from whole batches.
-        first = SECOND / decision.first_interval_ns
-        error = decision.rate_error(counts.paced_steps)
-        # Below a thousandth the ends of a record do not matter. Chosen by judgment.
-        if error > 1e-3 and abs(first / rate - 1) < error:
-            return first
-    return rate
+    return counts.paced_steps / passed * SECOND

@@ -482,7 +482,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     codes = {remark.code for remark in result.warnings}
     said = bool(codes & (truth.said | {'counted_samples'}))
     rate = result.timeline.sample_rate_hz
-    off = _bound(result, 'tau_error_share', 'rate_error_share')
+    off = _bound(result, 'rate_error_share')
     too_high = _bound(result, 'density_high_share')
     missing = _bound(result, 'density_error_share')
     hidden = _bound(result, 'hidden_share')

@@ -159,12 +159,14 @@ def test_a_step_of_one_clock_begins_a_new_run_and_one_of_both_is_a_gap(step_s, o
     assert [one.first_index for one in even if one.new_run] == [0, 7000][:2 - of_both]
 
 
-def test_single_stamps_far_from_the_others_are_left_out():
+def test_a_single_stamp_far_back_is_left_out_and_one_far_ahead_is_a_run_of_its_own():
     block = still(12_000)
     block.header_ns[[3000, 9000]] = START_NS + 10**17, 0
     summary, even = run(block)
-    assert summary.timeline.out_of_order == summary.timeline.missing == 2
-    assert sum(one.new_run for one in even) == 1
+    assert summary.timeline.out_of_order == summary.timeline.missing == 1
+    assert [one.first_index for one in even if one.new_run] == [0, 3000, 3001]
+    assert summary.timeline.duration_s == pytest.approx(120)
+    assert summary.counts.clock_jumps == 2
 
 
 def micro_for_nanoseconds(stamps):
