@@ -87,15 +87,6 @@ class Number:
     interval: Interval | None = None
     of_flicker: bool = False
 
-    def measured(self, scale: Scale = UNSCALED) -> str:
-        """Return the measured value as text, scaled as in the file."""
-        if self.bound:
-            return f'not observable, below {scale(self.value):.4g}'
-        ends = '' if self.interval is None else (
-            f' ({scale(max(self.interval[0], 0.0)):.4g} to {scale(self.interval[1]):.4g})')
-        return (f'measured {scale(self.value):.4g}{ends}'
-                f'{", of flicker B" if self.of_flicker else ""}')
-
 
 class Numbers:
     """
@@ -165,10 +156,14 @@ class Numbers:
         found = self.coefficients[name].get(key)
         if found is None:
             return 'not measured'
-        if self.of_datasheet and found.of_flicker:
-            return f'from B {scale(found.value):.4g}'
-        said = found.measured(scale)
-        return said if not self.of_datasheet else said.replace('measured', 'datasheet')
+        value = f'{scale(found.value):.4g}'
+        if found.bound:
+            return f'not observable, below {value}'
+        if self.of_datasheet:
+            return f'{"from B" if found.of_flicker else "datasheet"} {value}'
+        ends = '' if found.interval is None else (
+            f' ({scale(max(found.interval[0], 0.0)):.4g} to {scale(found.interval[1]):.4g})')
+        return f'measured {value}{ends}{", of flicker B" if found.of_flicker else ""}'
 
     @property
     def of_datasheet(self) -> bool:
