@@ -279,7 +279,8 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     population = fleet.population
     return rendered(
         'fleet.html', version=__version__, title=printable(title),
-        style=Markup(f'{text_of("report.css")}{_both_colours()}'),
+        style=Markup(text_of('report.css')), light=_colours(dict.fromkeys(DARK)),
+        dark=_colours(DARK),
         facts=_facts(fleet),
         fleet=fleet, link=_link, worst=_worst, findings=findings_line,
         picture=(Markup(_svg(curves_figure(fleet.results, population)))
@@ -309,12 +310,9 @@ def _svg(figure: Any) -> str:
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
 
 
-def _both_colours() -> str:
-    """Return the style sheet that gives pictures dark colours in a dark page."""
-    light, dark = (' '.join(f'--c{colour[1:]}: {shown};' for colour, shown in pairs)
-                   for pairs in (zip(DARK, DARK, strict=True), DARK.items()))
-    return (f':root {{ {light} }}\n'
-            f'@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}')
+def _colours(shown: Mapping[str, str | None]) -> str:
+    """Return what each colour of a picture is on a page, as a style sheet says it."""
+    return ' '.join(f'--c{colour[1:]}: {own or colour};' for colour, own in shown.items())
 
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:

@@ -54,8 +54,8 @@ def load_result(path: str | os.PathLike[str]) -> schema.Result:
     result = schema.Result.from_dict(document, str(path))
     for name, axis in result.axes.items():
         if not _consistent(axis, name):
-            raise ImuAllanError(f'{path}.axes.{brief(name)}: contradicts itself in names, units, '
-                                'intervals or lengths; analyze the recording again')
+            raise ImuAllanError(f'{path}.axes.{brief(name)}: names, units, intervals or '
+                                'lengths do not fit together; analyze the recording again')
     return result
 
 

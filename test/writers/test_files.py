@@ -22,8 +22,8 @@ from whole_lines import refused
 MADE_BY = 'written by: imu_allan analyze RECORDING --json FILE'
 NO_RESULT = ('not an imu_allan result file (no "schema": "imu_allan.result/1"); write one with: '
              'imu_allan analyze RECORDING --json FILE')
-CONTRADICTS = ('axes.gyro_x: contradicts itself in names, units, intervals or lengths; analyze '
-               'the recording again')
+CONTRADICTS = ('axes.gyro_x: names, units, intervals or lengths do not fit together; analyze the '
+               'recording again')
 DENSITY = 'axes.gyro_x.coefficients.noise_density'
 
 
