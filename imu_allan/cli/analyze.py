@@ -151,7 +151,7 @@ def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | No
         args.parser.error('--together takes several recordings of one topic')
     if apart and of_one:
         args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
-    if apart and arguments.inspection_of(args).get('serial'):
+    if apart and 'serial' in dict(args.meta):
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
 
 
@@ -174,7 +174,7 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
                 # A joint result must not leave out a recording silently.
                 raise
             gathering.fail(unit, path, error)
-    of_all = arguments.inspection_of(args), tuple(args.consumers)
+    of_all = dict(args.meta), tuple(args.consumers)
     if args.together:
         return [Task(tuple(args.recordings), choice, sum(size for *_, size in found), output,
                      'together', *of_all)]

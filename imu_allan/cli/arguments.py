@@ -100,11 +100,6 @@ def add_inspection(parser: argparse.ArgumentParser) -> None:
                         action='append', help=argparse.SUPPRESS)
 
 
-def inspection_of(args: argparse.Namespace) -> dict[str, str]:
-    """Return what these options say: fields of `imu_allan.result.Inspection`."""
-    return dict(args.meta)
-
-
 def _meta(text: str) -> tuple[str, str]:
     key, equals, value = (part.strip() for part in text.partition('='))
     if key not in _META or not equals:

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         result = _result_of(source, args, choice)
         verdicts = check(result, specification, shortest_s=args.min_duration)
-    if said := arguments.inspection_of(args):
+    if said := dict(args.meta):
         # Entries that are not given stay as they were.
         result = replace(result, inspection=replace(result.inspection or Inspection(), **said))
     for path, writer in ((args.json, datasheet.to_json), (args.junit, datasheet.to_junit),

@@ -6,9 +6,9 @@ Arrays to draw for a result, shared by pictures and page so that they agree.
 They are curves, spectra and axis limits; nothing here depends on how they are drawn.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from math import inf
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
@@ -19,8 +19,6 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
 
-Kind = TypeVar('Kind')
-
 
 def sensors_of(result: Result) -> list[str]:
     """Return which of gyro and accel are in the result."""
@@ -29,12 +27,8 @@ def sensors_of(result: Result) -> list[str]:
 
 def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
     """Return the axes of gyro or accel by name, in order."""
-    return of_sensor(result.axes, sensor)
-
-
-def of_sensor(by_axis: Mapping[str, Kind], sensor: str) -> dict[str, Kind]:
-    """Return the entries for the axes of gyro or accel, in order."""
-    return {name: by_axis[name] for name in AXES if name.startswith(sensor) and name in by_axis}
+    return {name: result.axes[name] for name in AXES
+            if name.startswith(sensor) and name in result.axes}
 
 
 def coefficients_of(axis: AxisResult) -> dict[str, float]:

@@ -21,7 +21,6 @@ from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
-from imu_allan.writers.curves import of_sensor
 from imu_allan.writers.key_figures import CALIBRATION_S
 from imu_allan.writers.terminal import bare_table
 import numpy as np
@@ -87,7 +86,8 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
 
 
 def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult]]:
-    return {title: own for sensor, title in SENSORS.items() if (own := of_sensor(axes, sensor))}
+    return {title: own for sensor, title in SENSORS.items() if (own := {
+        name: axis for name, axis in axes.items() if name.startswith(sensor)})}
 
 
 def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
