@@ -121,7 +121,7 @@ class Recording(ABC):
         found: dict[str, ImuMessages] = {}
         try:
             # A robot has a few hundred topics, and definitions take time.
-            if len(self.other_topics) >= 1000 and may_hold_imu(type_name):
+            if len(self.topics) + len(self.other_topics) >= 1000 and may_hold_imu(type_name):
                 raise ImuAllanError('not looked into, after 1000 other topics')
             found = imus_in(topic, type_name, serialization, definition, self.options)
         except ImuAllanError as error:
