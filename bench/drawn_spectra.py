@@ -94,7 +94,7 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
             if trends:
                 length_s = RecordSpectrum(sections, bins, 0, dt).duration_s
-                power[:, lines] += leaks([section], dt, length_s, mean)[0]
+                power[:, lines] += leaks([section], bins, dt, length_s, mean)
             drawn.append(replace(section, power=power))
             continue
         signed = np.zeros((records, section.length))

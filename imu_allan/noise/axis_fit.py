@@ -175,8 +175,10 @@ class _Source:
 
     def parts(self) -> list[Groups]:
         """Return the spectra of quarters of the record; an empty list if they are too short."""
-        found = [part.groups(self.own, lines_hz(self.lines)) for part in self.quarters]
-        if not found or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
+        found = [groups for part in self.quarters if (
+            groups := part.groups(self.own, lines_hz(self.lines))) is not None
+            and len(groups.frequency) >= FEWEST_GROUPS]
+        if len(found) < len(self.quarters):
             return []
         return found if self.steady is None else [self.steady.capped(one) for one in found]
 

@@ -15,7 +15,7 @@ walk reduce to elementary functions.
 
 """
 
-from imu_allan.arrays import Array, Ints
+from imu_allan.arrays import Array
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 import numpy as np
 from numpy.polynomial import Chebyshev
@@ -155,26 +155,6 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     low = j <= len(_FLICKER_DCT)
     factor[low] = _FLICKER_DCT[j[low] - 1]
     return np.asarray(factor)
-
-
-def end_dct(n: int, dt: float, index: Ints) -> Array:
-    """
-    Orthonormal DCT-II of a smooth function per unit slope (1 per second) at one end, in magnitude.
-
-    To leading order in the index, a coefficient is this times the final slope, with alternating
-    sign, minus this times the initial slope. The two ends of a ramp together give `ramp_dct`.
-
-    `n`: length of the record. `dt`: sample interval in seconds. `index`: from 1 to n - 1. Returns
-    shape of `index`.
-
-    Examples
-    --------
-    >>> bool(np.isclose(2 * end_dct(100, 1.0, np.array([3]))[0], -ramp_dct(100, 1.0)[2]))
-    True
-
-    """
-    half = np.pi * index / (2 * n)
-    return np.asarray(dt * np.sqrt(1 / (2 * n)) * np.cos(half) / (2 * np.sin(half) ** 2))
 
 
 def ramp_dct(n: int, dt: float) -> Array:

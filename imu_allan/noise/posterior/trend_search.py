@@ -346,7 +346,6 @@ class _Search:
         self.axis, self.bank, self.best = axis, bank, rows.take(np.array([0]))
         self._top = float(rows.evidence.max())
         self._chosen: tuple[Found, ...] = ()
-        self._same = False    # whether a second trend must be of the same kind
         self._about: Whitened | None = None
         self._behind = np.zeros(1)    # gain that each noise model must make up for
 
@@ -365,8 +364,7 @@ class _Search:
         if self._about is None:
             return
         for number, kind in enumerate(self.bank.kinds):
-            if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most or (
-                    self._same and kind is not self._chosen[0].kind):
+            if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most:
                 continue
             gains = self.bank.gains(self._about, number)
             net = gains.max(axis=1) - self._behind
@@ -377,28 +375,20 @@ class _Search:
                     self.bank, number, self._about.one(best), gains[best], self._chosen))
 
     def go_on(self, fitted: Fitted) -> None:
-        """Choose the best trend, if it clearly improves the evidence, or a step."""
+        """Choose the best trend, if it clearly improves the evidence."""
         self._about = None
         own = fitted.rows.take(fitted.axis == self.axis)
         if not len(own):
             return
         leader, top = int(own.of[np.argmax(own.evidence)]), float(own.evidence.max())
         # Continue the search only if the trend improves the evidence by two nats.
-        better = top > self._top + 2.0
-        if better:
-            self._top = top
-        elif not self._chosen and self.best.has[0, K] and (steps := [
-                of for of in np.unique(own.of).tolist()
-                if fitted.trends[of][0].kind.key == 'bias_step']):
-            # A random walk may describe two steps better than one of them does.
-            [leader], self._same = steps, True
-        else:
+        if top <= self._top + 2.0:
             return
+        self._top = top
         self._chosen, rows = fitted.trends[leader], of_axis(own, leader)
         # Look without the random walk, too, which hides what else the mean does. There, a trend
         # must first make up for what the evidence is behind.
-        kinds = [np.flatnonzero(rows.has[:, K] == there)
-                 for there in ((True, False) if better else (False,))]
+        kinds = [np.flatnonzero(rows.has[:, K] == there) for there in (True, False)]
         near = [int(kind[np.argmax(rows.evidence[kind])]) for kind in kinds if len(kind)]
         if near:
             self._look(fitted.spectra, rows.take(np.array(near)))

@@ -3,17 +3,18 @@
 """
 Leakage of a trend into blocks, which are too short for regressors and keep only power.
 
-For a trend that is smooth over a block, the transform depends only on its slopes at the two ends.
-The leakage is computed from the trend fitted to the whole record, and subtracted. Bins where it is
-not small compared with the noise are not used.
+Over a block, a smooth trend is like a ramp. The leakage is that of a ramp with the slopes of the
+trend fitted to the whole record, and subtracted. Bins where it is not small compared with the
+noise are not used.
 """
 
 from collections.abc import Callable, Sequence
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise import spectrum
+from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.cells import end_to_end
-from imu_allan.noise.record.periodogram import longest_blocks, Periodogram, SpectrumSection
+from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
 from imu_allan.noise.record.segments import layout, TRANSFORMS
 import numpy as np
 
@@ -24,40 +25,24 @@ _MOST = 0.2
 """Leakage up to this share of the noise is subtracted; beyond, bins are left out. By judgment."""
 
 
-def leaks(sections: Sequence[SpectrumSection], dt: float, duration_s: float, trend: Waveform
-          ) -> tuple[Array, Array]:
+def leaks(sections: Sequence[SpectrumSection], bins: Bins, dt: float, duration_s: float,
+          trend: Waveform) -> Array:
     """
-    Return the power that a trend leaks into the bins of blocks, or an upper bound of it.
+    Return the power that a trend leaks into the bins of blocks.
 
-    The longest blocks of a stage are consecutive. The positions of shorter ones, from the ends of
-    segments, are unknown, so only a bound can be given.
-
-    `sections`: of a record. `dt`: sample interval in seconds. `duration_s`: from the beginning of
-    the record to its end. `trend`: over the record. Returns `leak`, `bound`, shape (bins,): zero
-    for the coefficients of the whole record.
+    `sections`: of a record. `bins`: of these sections. `dt`: sample interval in seconds.
+    `duration_s`: from the beginning of the record to its end. `trend`: over the record. Returns
+    shape (bins,): zero for the coefficients of the whole record.
     """
-    longest = longest_blocks(sections)
-    found = []
-    for section in sections:
-        leak, bound = np.zeros((2, section.last - section.first))
-        if section.coefficients is None:
-            step = section.step * dt
-            ends = _slopes(trend, 0.0, duration_s, section.length * step)
-            index = np.arange(section.first, section.last)
-            if section.length == longest[section.step]:
-                leak = _of_slopes(section.length, step, index, *ends)
-            else:
-                steepest = np.array([np.abs(ends).max()])
-                bound = _of_slopes(section.length, step, index | 1, steepest, steepest)
-        found.append((leak, bound))
-    every, bounds = zip(*found, strict=True)
-    return np.concatenate(every), np.concatenate(bounds)
+    squares = np.array([
+        mean_square_slope(trend, 0.0, duration_s, section.length * section.step * dt)
+        if section.coefficients is None else 0.0 for section in sections])
+    return np.asarray(-np.minimum(bins.ramp, 0.0) * squares[bins.section])
 
 
-def is_negligible(leak: Array, bound: Array, noise: Array) -> Bools:
+def is_negligible(leak: Array, noise: Array) -> Bools:
     """Mark the bins whose leakage is small compared with their noise."""
-    # Leakage with only a bound is not subtracted, so it must be much smaller.
-    return np.asarray((leak < _MOST * noise) & (bound < 0.01 * noise))
+    return np.asarray(leak < _MOST * noise)
 
 
 def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -> Periodogram:
@@ -86,9 +71,10 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
         for length, step in TRANSFORMS:
             place = layout(length, step)
             index = np.arange(place.first, place.last)
-            slopes = _slopes(trend, begin, end, length * step * dt)
-            leak = place.means(_of_slopes(length, step * dt, index, *slopes)
-                               + jump**2 * _of_step(length, index) / len(slopes[0]))
+            block_s = length * step * dt
+            square = mean_square_slope(trend, begin, end, block_s)
+            leak = place.means(spectrum.ramp_dct(length, step * dt)[index - 1]**2 * square
+                               + jump**2 * _of_step(length, index) * block_s / (end - begin))
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
             left = power[place.bands] - leak
@@ -98,22 +84,13 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
     return calm
 
 
-def _slopes(trend: Waveform, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
-    """Return the slopes of a trend at the beginning and at the end of each block."""
-    count = max(round((end_s - begin_s) / block_s), 1)
-    edges = np.linspace(begin_s, end_s, count + 1)
+def mean_square_slope(trend: Waveform, begin_s: float, end_s: float, block_s: float) -> float:
+    """Return the mean squared slope of a trend at the ends of blocks."""
+    edges = np.linspace(begin_s, end_s, max(round((end_s - begin_s) / block_s), 1) + 1)
     near = 1e-3 * block_s
-    slope = (trend(edges + near) - trend(edges - near)) / (2 * near)
-    return slope[:-1], slope[1:]
+    return float(np.mean(((trend(edges + near) - trend(edges - near)) / (2 * near))**2))
 
 
 def _of_step(length: int, index: Ints) -> Array:
     """Return the power of coefficients over a block with a unit step, the mean over its places."""
     return np.asarray(1 / (4 * length * np.sin(np.pi * index / (2 * length))**2))
-
-
-def _of_slopes(length: int, step: float, index: Ints, before: Array, after: Array) -> Array:
-    """Return the mean power of coefficients over blocks with given slopes at their ends."""
-    sign = np.where(index % 2, -1.0, 1.0)
-    square, both = float(np.mean(before**2 + after**2)), float(np.mean(2 * before * after))
-    return np.asarray(spectrum.end_dct(length, step, index)**2 * (square - sign * both))

@@ -85,12 +85,12 @@ class RecordSpectrum:
         Return the spectrum of this axis without the leakage of a trend into the blocks.
 
         Regressors apply to the coefficients of the whole record only; blocks are shorter and keep
-        only power. Their leakage depends on the slopes of the trend at both ends. Bins with too
-        much or unknown leakage, compared with `noise` of shape (bins,), are left out.
+        only power. Bins with too much leakage, compared with `noise` of shape (bins,), are left
+        out.
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
-        leak, bound = leaks(self.sections, self.dt, self.duration_s, trend)
-        keep = is_negligible(leak, bound, noise)
+        leak = leaks(self.sections, bins, self.dt, self.duration_s, trend)
+        keep = is_negligible(leak, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, coefficient=bins.coefficient[own],

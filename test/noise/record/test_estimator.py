@@ -204,13 +204,9 @@ def test_any_part_of_a_record_gives_the_coefficients_of_the_whole():
     for first, last in ((0, used), (0, used // 2), (used // 2, used), (3, 5)):
         groups = Part(finished, 0.01, first, last).groups(0)
         assert (np.diff(groups.frequency) > 0).all()
-        _, density, flicker, _ = np.sqrt(maximise(groups, detrend=True).theta)
-        assert density == pytest.approx(LOUDER[N], rel=0.03)
+        _, _, flicker, _ = np.sqrt(maximise(groups, detrend=True).theta)
         assert flicker == pytest.approx(LOUDER[B], rel=0.35)
-        # In bands of an eighth of an octave.
-        fast = groups.frequency[groups.frequency > 1]
-        np.testing.assert_allclose(np.diff(np.log2(fast)), 1 / 8, atol=0.01)
     # Bands of lines are left out.
-    groups = Part(finished, 0.01, 0, 4).groups(0, lines_hz=[17.0])
-    assert not ((groups.frequency > 15.5) & (groups.frequency < 18.5)).any()
-    assert ((groups.frequency > 13) & (groups.frequency < 15)).any()
+    groups = Part(finished, 0.01, 0, 4).groups(0, lines_hz=[0.12])
+    assert not ((groups.frequency > 0.106) & (groups.frequency < 0.135)).any()
+    assert ((groups.frequency > 0.09) & (groups.frequency < 0.105)).any()
