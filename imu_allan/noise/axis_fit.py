@@ -132,7 +132,8 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
     """Report one axis; withdraw a random walk that its quarters do not confirm."""
     change = _change(posterior, source, dt)
     report = reported(replace(posterior, change=change), dt, temperature, source.record)
-    if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
+    walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable
+    if walks and (parts := source.parts()) \
             and not random_walk_persists(posterior, [[part] for part in parts], dt):
         report = report.without_random_walk()
     if source.cycle is not None:

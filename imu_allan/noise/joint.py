@@ -60,12 +60,13 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     # Noise that changes within a record is as uncertain over all of them.
     change = max((one.change for one in records), key=lambda one: one.typical)
     report = reported(replace(posterior, change=change), dt)
-    if report.estimates['rate_random_walk'].observable and not _shows_in_parts(
+    if report.high_pass_hz is None and report.estimates[
+            'rate_random_walk'].observable and not _shows_in_parts(
             posterior, records, dt):
         report = report.without_random_walk()
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
-        report = report.behind_high_pass(max(corners_hz))
+        report = replace(report, high_pass_hz=max(corners_hz))
     return AxisFit(report, _lines(records), groups,
                    joined_groups([one.whole for one in records]))
 

@@ -210,6 +210,14 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
                                            'record the raw topic') for verdict in verdicts)
 
 
+def test_coarse_steps_behind_a_filter_leave_no_bound_below_the_flicker():
+    record = unbiased(simulate({N: 1e-3, B: 6e-4}, 60_000, 10.0, 0), 0.01)
+    step = 1.2 * record.std()
+    axis, found = characterized(step * np.round(record / step), 10.0)
+    assert 'coarse_resolution' in found
+    assert holds(axis.coefficients[B], 6e-4)
+
+
 def counts_one_by_one():
     """Give an angle in counts of 3.6 arc seconds, of which one sample of a hundred has one."""
     count = 1.732e-5

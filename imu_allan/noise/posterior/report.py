@@ -123,11 +123,11 @@ class AxisReport:
                 or trend.warm_up is not None or trend.temperature is not None
                 or trend.cycle_s is not None)
 
-    def behind_high_pass(self, corner_hz: float) -> 'AxisReport':
+    def behind_high_pass(self) -> 'AxisReport':
         """Return the report of a signal whose slow part was removed by a filter."""
         # The slow noise that remains after such a filter is of no use to anyone.
         slow = {key: replace(self.estimates[key], observable=False) for key in SLOW_TERMS}
-        return replace(self, high_pass_hz=corner_hz, estimates={**self.estimates, **slow})
+        return replace(self, estimates={**self.estimates, **slow})
 
     def without_random_walk(self) -> 'AxisReport':
         """Return the report with the random walk as an upper bound: it may have another cause."""
@@ -177,10 +177,11 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
-    report = AxisReport(
+    return AxisReport(
         found, posterior.p_value, posterior.misfit,
         window_of(posterior, dt) if low_pass else None,
         passed_by(posterior) if low_pass else None, edge_hz,
+        corner.value if corner.observable else None,
         gauss_markov=GaussMarkov(
             sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
         if sigma.observable else None,
@@ -199,7 +200,6 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         bias_step=BiasStep(step.value, step.columns[0][0]) if step is not None else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
         shallow=edge_hz is not None and edge_hz * dt < LEAST_DESCRIBED)
-    return report.behind_high_pass(corner.value) if corner.observable else report
 
 
 def _warm_up(trend: ReportedTrend) -> WarmUp:

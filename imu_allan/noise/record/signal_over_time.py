@@ -36,8 +36,8 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     Find where an axis kept one value for a time, but not throughout.
 
     `columns`: of the whole record. Returns: first place and number of places of the longest such
-    segment. None if there is none, or if the axis is constant throughout. Also None if its
-    resolution is so coarse that values may repeat as long by chance.
+    segment. None if there is none, or if the axis is constant throughout. The steps of its
+    output must not hide its noise, or values may repeat as long by chance.
     """
     known = np.flatnonzero(columns.counts)
     # Sixteen equal samples in a row are significant, unless the steps are coarse.
@@ -57,10 +57,6 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     longest = int(np.argmax(lengths))
     run = int(lengths[longest])
     if run < fewest or run == len(still):
-        return None
-    chance = (np.count_nonzero(still) - run + 1) / (len(still) - run + 1)
-    # With coarse steps, values often repeat by chance.
-    if len(still) * chance**run > 1e-4:
         return None
     last = min(int(ends[longest]) * together, len(known)) - 1
     first = int(known[starts[begins[longest]]])
