@@ -235,6 +235,6 @@ def no_axes(header: str) -> str:
     return (
         'the header line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
         f'({header[:80]}). A CSV recording begins with a line such as '
-        'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, units as in gyro_x [deg/s], and '
+        'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, with units as in gyro_x [deg/s]. '
         '--columns gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number '
         'from 1')

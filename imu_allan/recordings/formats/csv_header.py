@@ -179,8 +179,9 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
             f'the header line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
-            f'begins with a line such as {EXAMPLE}, units as in gyro_x [deg/s], and --columns '
-            'gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number from 1')
+            f'begins with a line such as {EXAMPLE}, with units as in gyro_x [deg/s]. '
+            '--columns gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number '
+            'from 1')
     unit = names[times[0]].unit if times else None
     clock = parts or (Clock(times[0], unit and unit.strip()) if times else None)
     read = {*of_axes, *timed, *((parts.column, parts.nanoseconds) if parts else ())}
