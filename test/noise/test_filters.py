@@ -84,7 +84,7 @@ def test_blocks_hold_what_the_ends_leak_into_a_stop_band(key, error):
     index = np.arange(20, 60, 2)
     pairs = (exact[index] + exact[index + 1]) / 2
     nu = (index + 0.5) / (2 * length)
-    seen = Response(nu, np.ones(len(nu)), np.full(len(nu), float(length)), np.zeros(len(nu)))
+    seen = Response(nu, np.ones(len(nu)), np.full(len(nu), float(length)))
     np.testing.assert_allclose(seen.of(shape.power, corner), pairs, rtol=error)
 
 
