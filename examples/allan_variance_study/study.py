@@ -31,8 +31,7 @@ from imu_allan.writers.plot import (
     draw_density,
     draw_terms,
     empty_figure,
-    frame_allan,
-    frame_density,
+    frame,
     plot_style,
     render,
 )
@@ -98,7 +97,7 @@ def draw_pair(title: str, axis: AxisResult, truth: Mapping[str, float], hours: f
         density, allan = (figure.add_subplot(grid[0, column]) for column in range(2))
         timeline = Timeline(RATE_HZ, round(hours * 3600 * RATE_HZ), hours * 3600)
         draw_density(density, axis, timeline, COLOURS['z'])
-        frame_density(density, 'gyro', density_limits([axis], timeline))
+        frame(density, 'gyro', density_limits([axis], timeline), of_spectrum=True)
         density.set_title('(a) power spectral density: measured, model', loc='left')
         draw_allan(allan, axis, truth)
         allan.set_title('(b) Allan deviation: measured, model, theory', loc='left')
@@ -118,7 +117,7 @@ def draw_lines(title: str, axis: AxisResult, truth: Mapping[str, float]) -> byte
 
 def draw_allan(panel, axis: AxisResult, truth: Mapping[str, float]) -> None:
     """Draw the curve over the lines of the true coefficients."""
-    frame_allan(panel, 'gyro', limits_of([axis], rings=True))
+    frame(panel, 'gyro', limits_of([axis], rings=True))
     draw_curve(panel, axis, COLOURS['z'], 'o')
     draw_terms(panel, axis, truth=truth)
 
