@@ -137,7 +137,7 @@ class FinishedGroup:
     @property
     def temperature(self) -> TemperatureSeries | None:
         """Return the series of the temperature, if it is known and changes."""
-        return None if self.heat is None else self.heat.series
+        return self.heat.series if self.heat is not None and self.heat.changes else None
 
     def only(self, name: str) -> Estimator:
         """Return the estimator of one axis."""

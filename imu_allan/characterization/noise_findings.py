@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import isfinite, isinf, log
 from typing import Any
 
-from imu_allan.characterization.thermometer import COVERED, Temperature
+from imu_allan.characterization.thermometer import Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.posterior.report import AxisReport
@@ -100,9 +100,9 @@ def steady_after_s(trend: Trend | None, flicker: float) -> float:
 
 def thermometer_findings(seen: Temperature) -> Iterator[Finding]:
     """Report what is wrong with the readings of a thermometer."""
-    if seen.series is None:
+    if not seen.changes:
         yield (finding('thermometer', fault='short', covered_share=seen.covered)
-               if seen.covered < COVERED else finding('thermometer', fault='constant'))
+               if seen.series is None else finding('thermometer', fault='constant'))
 
 
 def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float

@@ -279,7 +279,7 @@ class Characterization:
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
             turn_on_bias=spread_of_means(marks, axes, record) if marks else {},
-            temperature=shown(record.groups[0].temperature)), fits
+            temperature=shown(record.groups[0].heat)), fits
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""

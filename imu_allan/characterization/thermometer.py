@@ -32,8 +32,12 @@ class Temperature:
     """The temperature over a record."""
 
     covered: float    # share of the record with readings
-    # None if too little is covered or the temperature never changes
-    series: TemperatureSeries | None
+    series: TemperatureSeries | None    # None if too little is covered
+
+    @property
+    def changes(self) -> bool:
+        """Return whether the temperature is known and changes."""
+        return self.series is not None and self.series.highest > self.series.lowest
 
 
 @dataclass(eq=False)
@@ -154,7 +158,7 @@ class Thermometer(Record):
         known = np.isfinite(values)
         covered = float(whole.counts[known].sum() / whole.counts.sum())
         of_time = None
-        if covered >= COVERED and np.ptp(values[known]) > 0:
+        if covered >= COVERED:
             values = np.interp(in_a_row, in_a_row[known], values[known])
             of_time = TemperatureSeries(in_a_row * dt, values)
         return Temperature(covered, of_time)
@@ -167,10 +171,11 @@ class Thermometer(Record):
         return np.where(run == runs, first_ns + (places - 0.5 - first) * slope, np.nan)
 
 
-def shown(series: TemperatureSeries | None) -> Signal | None:
+def shown(temperature: Temperature | None) -> Signal | None:
     """Return the temperature over time as it is drawn, in degrees Celsius; None if unknown."""
-    if series is None:
+    if temperature is None or temperature.series is None:
         return None
+    series = temperature.series
     step_s = float(series.time[-1] + series.time[0]) / SHOWN
     means = np.interp((np.arange(SHOWN) + 0.5) * step_s, series.time, series.celsius)
     values = tuple(means.round(3).tolist())
