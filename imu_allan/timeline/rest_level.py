@@ -211,8 +211,9 @@ class RestLevel(Record):
         if np.any(verdict > 1) or share < 0.05:
             return []
         baseline, still = settle(self.lately[:, :18], self.baseline.resolution)
-        # Three times louder than rest is an engine, not the sensor. Chosen by judgment.
-        little = QUIETER * self.baseline.loudest
+        # Three times louder than rest is an engine, not the sensor. Chosen by judgment. An axis
+        # that has only begun to give values had no level before.
+        little = np.where(self.baseline.loudness > 0, QUIETER * self.baseline.loudest, np.inf)
         # If less than a quarter was classified as motion, it was knocks. The exception is that all
         # windows are similar, as when a single axis has become louder; windows of motion are not.
         if (share < 0.25 and not still.all()) or (

@@ -389,6 +389,15 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_leaves_the_noise_density_r
     assert_right(result, replace(truth, rate_hz=30_000 / time[-1]), 0.015)
 
 
+@pytest.mark.parametrize('axes', [[2], [0, 1, 2], [*range(6)]])
+def test_what_gives_one_value_for_minutes_and_then_noise_is_used_after_another_minute(axes):
+    messages, _, _ = rest(100, 500)
+    messages.samples[:10_000, axes] = messages.samples[0, axes]
+    summary, even = run(messages.block())
+    assert summary.motion.cut.total_s < 110
+    assert sum(len(block) for block in even) > 37_000
+
+
 def test_where_two_publishers_pass_for_motion_the_refusal_names_them():
     messages, _, _ = rest()
     # In turn at first, and then for two seconds each.
