@@ -17,6 +17,7 @@ from imu_allan.noise.posterior.trend_search import (
     Bank,
     lags_of,
     TRENDS,
+    waveforms,
     with_temperature,
 )
 from imu_allan.noise.record.bins import bins_of
@@ -34,7 +35,7 @@ from imu_allan.noise.stationarity import (
 from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends.leakage import detrended, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
-from imu_allan.noise.trends.slow_cycle import SlowCycle, strong_cycles, without_lines
+from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import Tone
 import numpy as np
@@ -106,13 +107,15 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds)
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
-    calm = [_without_found_trends(source, posterior, finished)
-            for source, posterior in zip(sources, first, strict=True)]
-    again = [number for number, source in enumerate(calm) if source.differs_from(sources[number])]
-    for number, posterior in zip(again, _weighed([calm[number] for number in again], dt, bank),
-                                 strict=True):
-        first[number] = posterior
-    sources = calm
+    for without in (_without_found_cycle, _without_found_trends):
+        changed = {number: calm for number, (source, posterior) in enumerate(
+            zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
+        again = [number for number, calm in changed.items() if calm.differs_from(sources[number])]
+        for number, posterior in zip(again, _weighed([changed[number] for number in again], dt,
+                                                     bank), strict=True):
+            first[number] = posterior
+        for number, calm in changed.items():
+            sources[number] = calm
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
@@ -221,11 +224,13 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
 
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform],
                     bank: Bank) -> list[_Source]:
-    """Remove strong cycles and slow lines."""
+    """Remove strong cycles, including those found on other axes, and slow lines."""
     found = strong_cycles([source.record.with_trends(beside) for source in sources],
                           [lines_hz(source.lines) for source in sources], bank)
+    known = [1 / one.period_s for one in found if one is not None]
     left = []
-    for source, cycle in zip(sources, found, strict=True):
+    for source, own in zip(sources, found, strict=True):
+        cycle = own or known_cycle(source.record.with_trends(beside), known)
         if cycle is not None:
             source = replace(source, cycle=cycle).detrended(
                 finished, replace(cycle.record, trends=()))
@@ -236,12 +241,32 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
     return left
 
 
+def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator
+                         ) -> _Source | None:
+    """
+    Remove a cycle that was found beside other trends; None if there is none with harmonics.
+
+    Without those trends, `_without_cycles` may have missed it, or seen it as one wave.
+    """
+    found = posterior.models[0].trends
+    frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
+    if source.cycle is not None or not frequencies_hz:
+        return None
+    others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
+                       source.record.duration_s)
+    cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
+    if cycle is None or len(cycle.cycle.sizes) <= 2:
+        return None
+    return replace(source, cycle=cycle).detrended(
+        finished, replace(cycle.record, trends=()))
+
+
 def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator
-                          ) -> _Source:
-    """Remove trends, if there are any, which would pass for changing noise."""
+                          ) -> _Source | None:
+    """Remove trends, which would pass for changing noise; None if there are none."""
     found = fitted_trend(posterior, source.record)
     if found is None:
-        return source
+        return None
     trend, noise = found
     return source.detrended(finished, source.record.without_leak(trend, noise), trend)
 

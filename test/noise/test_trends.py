@@ -152,6 +152,13 @@ def test_chance_makes_no_cycle_of_a_short_record(seed):
     assert characterized(simulate(STEADY, 3000, RATE, seed), RATE)[0].trend.cycle_s is None
 
 
+def test_the_cycle_of_one_axis_is_looked_for_in_the_others():
+    weak = 0.75e-3 * sine(TIME / 600)
+    assert cycling(weak)[0].trend.cycle_s is None
+    beside = cycling(weak, 0.01 * sine(TIME / 600), 0 * TIME)
+    assert [one.trend.cycle_s is not None for one in beside] == [True, True, False]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(('walk', 'found'), [(0.0, 0.02), (1.8e-4, 1.0)])
 def test_cycles_of_ten_times_the_flicker_and_more_give_no_random_walk_and_hide_none(walk, found):

@@ -23,6 +23,7 @@ from imu_allan.noise.trends.harmonics import (
     harmonics_of,
     ratios,
     refined,
+    SIGNIFICANT,
     without,
 )
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -30,7 +31,6 @@ import numpy as np
 
 _COMB = 8
 """Harmonics that are tested together, as all of them may have passed for a random walk."""
-_MOST_HARMONICS = 32
 _MOST_CYCLES = 32.0
 """Most cycles per record; faster ones cannot be confused with a random walk."""
 
@@ -89,6 +89,16 @@ def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
             or _chance(record, left, 1 / found.period_s) >= certain):
         return None
     return found
+
+
+def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> SlowCycle | None:
+    """Remove the strongest cycle at frequencies of other axes, as a heater affects all axes."""
+    if record.duration_s == 0 or not frequencies_hz:
+        return None
+    variance = _expected(record.bins, of_slower_half(record.groups()))
+    ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
+                              for hz in frequencies_hz)
+    return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
 
 
 def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSpectrum:
@@ -161,9 +171,15 @@ def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> flo
 
 def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> SlowCycle:
     """Fit a cycle, and remove it from the record."""
-    # First remove all possible harmonics; only then can the significant ones be identified.
-    every = refined(record, variance, frequency_hz, _MOST_HARMONICS)
-    variance = _expected(record.bins, of_slower_half(without(record, every, variance).groups()))
-    there = harmonics_of(record, variance, every.frequency_hz, _MOST_HARMONICS)
-    found = refined(record, variance, every.frequency_hz, there)
+    # First remove all possible harmonics; only then can the significant ones be identified. If all
+    # of 32 show, there are more: a jagged cycle of 100 times B has.
+    for most in (32, 96):
+        every = refined(record, variance, frequency_hz, most)
+        calm = without(record, every, variance)
+        frequency_hz = every.frequency_hz
+        variance = _expected(record.bins, of_slower_half(calm.groups()))
+        there = harmonics_of(record, variance, frequency_hz, most)
+        if there < most:
+            break
+    found = refined(record, variance, frequency_hz, there)
     return SlowCycle(found, without(record, found, variance))
