@@ -65,6 +65,9 @@ def interruptible() -> Iterator[None]:
     finally:
         for number in numbers:
             signal.signal(number, usual[number])
+        # After an interrupt within `exec`, as dataclasses call it, CPython would end the process
+        # by the signal, unless other code was executed since.
+        exec('')
 
 
 def raise_if_interrupted() -> None:

@@ -13,7 +13,6 @@ from imu_allan.result import Stationarity, Tone
 from imu_allan.tuning.kalman import run_filters
 from imu_allan.tuning.state_space import state_space
 from imu_allan.tuning.tune import assess, Filters, Truth, tune
-from imu_allan.writers.filters import ExportOptions
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -202,13 +201,10 @@ TIMES = {
     'step_s': lambda time: imu_allan.state_space(AXIS, time),
     'horizons_s': lambda time: imu_allan.predicted_drift(AXIS, [1.0, time]),
     'calibration_s': lambda time: imu_allan.predicted_drift(AXIS, [1.0], time),
-    'aiding_s': lambda time: ExportOptions(aiding_s=time),
 }
 NUMBERS = {
     'noise_density': lambda number: imu_allan.assess(AXIS, number, 1e-5),
     'random_walk': lambda number: imu_allan.assess(AXIS, 1e-3, number),
-    'inflate N': lambda number: ExportOptions(inflate={'N': number}),
-    'rate_hz': lambda number: ExportOptions(rate_hz=number),
 }
 
 
@@ -216,8 +212,8 @@ NUMBERS = {
 def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
     ends = 'from 1e-06 to 3.2e+09' if name in TIMES else 'from 1e-30 to 1e+30'
     said = [*NO_NUMBERS, *((value, f'{value:g}') for value in (0, float('nan'), 1e-31, 1e31))]
-    # These may be left out.
-    for value, line in said[name in ('correlation_time_s', 'aiding_s', 'rate_hz'):]:
+    # This may be left out.
+    for value, line in said[name == 'correlation_time_s':]:
         with refused(f'{name} must be a number {ends}, not {line}'):
             (TIMES | NUMBERS)[name](value)
 
