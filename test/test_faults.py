@@ -60,8 +60,8 @@ def test_a_disk_that_fills_up_leaves_a_line_and_no_half_file(
 
 
 @pytest.mark.parametrize(('command', 'line'), [
-    ('analyze {recording} --output {disk}/out', '{disk}/out: cannot be written ({disk} lies on a '
-     f'{READ_ONLY}); choose a folder that may be written to'),
+    ('analyze {recording} --output {disk}/out', f'{{disk}}/out: cannot be written ({READ_ONLY}); '
+     'choose a folder that may be written to'),
     ('simulate {model} --duration 1s --output {disk}/rec', '{disk}/rec: cannot be created '
      f'({READ_ONLY}: {{disk}}/.rec.unfinished); choose a folder that may be written to'),
     ('report {result} --format png --output {disk}/out', unwritable(

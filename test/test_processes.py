@@ -69,4 +69,4 @@ def test_no_verb_imports_or_obeys_what_lies_in_the_current_folder(tmp_path, shor
         f'analyze {short_recording} simulated --jobs 2', cwd=downloaded)
     assert not trace.exists(), trace.read_text()
     assert (done.returncode, done.stderr) == (0, '')
-    assert done.stdout.count(': 30 s, gyro N') == 2
+    assert done.stdout.count(': Gyroscope: use with care: 30 s at rest.') == 2
