@@ -47,9 +47,9 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
         found |= {name: assess(axis, density, factor * random_walk, aiding_s, coast_s)
                   for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))}
     return [{'numbers': name, 'nis': tuning.nis, 'coast_ratio': tuning.coast_ratio,
-              'coast_sigma': tuning.consistency[-1][2],
-              **{key: value for key, value in asdict(tuning).items()
-                 if key not in ('aiding_interval_s', 'coast_s')}}
+             'coast_sigma': tuning.consistency[-1][2],
+             **{key: value for key, value in asdict(tuning).items()
+                if key not in ('aiding_interval_s', 'coast_s')}}
             for name, tuning in found.items()]
 
 

@@ -51,8 +51,8 @@ def crossed(exponent, crossing_hz, samples, rate, seed):
 
 @pytest.mark.parametrize('exponent', [0.5, 1.3, 1.7])
 def test_a_drawn_power_law_has_its_allan_variance(exponent):
-    phase = np.concatenate(([0.0], np.cumsum(power_law_noise(1 << 18, np.random.default_rng(1),
-                                                     exponent))))
+    phase = np.concatenate(([0.0], np.cumsum(
+        power_law_noise(1 << 18, np.random.default_rng(1), exponent))))
     for m in (1, 2, 32):
         second = phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]
         expected = float(power_law_avar(1.0, exponent, m))

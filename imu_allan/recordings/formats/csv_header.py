@@ -41,7 +41,7 @@ _AXES = [
                   r'|a_rs_s|lin(?:ear)?_?acc(?:el(?:eration)?)?|beschleunigung')))]
 """Names of the axes of a sensor."""
 _UNITS = {**dict.fromkeys(('rad/s', 'deg/s', '°/s', 'dps', 'mdps'), 'gyro'),
-                 **dict.fromkeys(('m/s^2', 'm/s²', 'm/s2', 'g', 'mg'), 'accel')}
+          **dict.fromkeys(('m/s^2', 'm/s²', 'm/s2', 'g', 'mg'), 'accel')}
 """Units that tell the sensor of a mere x, y or z. A capital G is not among them, as magnetometers
 use it (gauss)."""
 _UNITS = {
