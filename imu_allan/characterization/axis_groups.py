@@ -89,8 +89,8 @@ class Group(Record):
         """
         Add a block, whose other axes are ignored.
 
-        `epoch_ns`: stamp of the clock in use at time zero of
-        the block's `start_s`. `interval_ns`: sample interval by the clock.
+        `epoch_ns`: stamp of the clock in use at time zero of the block's `start_s`.
+        `interval_ns`: sample interval by the clock.
         """
         estimator = self.estimator
         self.latest.add(block.samples, block.new_run or block.first_index > self.end)

@@ -103,7 +103,7 @@ def a_result(judge, choice):
 def test_damaged_result_files_are_used_or_refused(tmp_path, count, seed):
     judge = Judge(tmp_path, .01)
     mutations.each(count, seed, lambda choice: a_result(judge, choice))
-    assert judge.used > count / 6
+    assert judge.used >= count / 5
 
 
 # Found by mutation: the square of a sample interval over 1e-200 s is no number any more; a quarter

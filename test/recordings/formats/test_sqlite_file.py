@@ -201,6 +201,8 @@ def test_messages_of_more_bytes_than_the_file_are_read_no_further(tmp_path):
         assert remark == said(
             path, 'damaged_recording', fault='database', read=remark.values['read'], topic='/imu',
             reason='its messages have more bytes than the file', severity='act')
+        assert [one.code for one in recording.remarks] == [
+            'damaged_recording', 'malformed_messages']
 
 
 def test_no_file_that_a_journal_names_is_deleted(tmp_path):
