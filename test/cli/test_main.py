@@ -31,9 +31,11 @@ def test_a_verb_waits_for_nothing_heavy_that_it_does_not_need(recording, words, 
     code = ('import atexit, sys\n'
             'atexit.register(lambda: print({*sys.argv[1].split()} & {*sys.modules}))\n'
             'from imu_allan.cli.main import main\nmain(sys.argv[2:])')
-    before = os.times()
-    answer = python('-c', code, heavy, *words, cwd=recording, check=True)
-    after = os.times()
+    # The first time, modules may be compiled.
+    for _ in range(2):
+        before = os.times()
+        answer = python('-c', code, heavy, *words, cwd=recording, check=True)
+        after = os.times()
     assert answer.stderr == ''
     assert answer.stdout.endswith('\nset()\n')
     assert sum(after[2:4]) - sum(before[2:4]) < cpu_s
