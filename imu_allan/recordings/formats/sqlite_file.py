@@ -9,9 +9,10 @@ beside the file, it does so in a copy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
+from itertools import islice
 import os
 from pathlib import Path
 import shutil
@@ -25,7 +26,7 @@ from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, room_in
-from imu_allan.recordings.formats.untrusted_database import LONGEST_VALUE, untrusted_database
+from imu_allan.recordings.formats.untrusted_database import untrusted_database
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -191,39 +192,50 @@ class SqliteRecording(FileRecording):
     # ------------------------------------------------------------------------------ going through
 
     def _fetched(self, database: sqlite3.Connection, imu: ImuTopic, malformed: MalformedMessages,
-                 ) -> Iterator[tuple[list[int], list[bytes], int]]:
-        """Fetch thousands of messages at a time, with stamps and bytes consumed, up to damage."""
-        stamps: list[int] = []
-        messages: list[bytes] = []
-        read = held_bytes = all_bytes = position = row = last = 0
-        with suppress(sqlite3.Error):
-            [[last]] = database.execute('SELECT rowid FROM messages ORDER BY rowid DESC LIMIT 1')
-        try:
-            # SQLite knows type and length without loading the value, however long it is.
-            for row, stamp, message in database.execute(
-                    'SELECT rowid, '
-                    "CASE typeof(timestamp) WHEN 'integer' THEN timestamp ELSE 0 END, "
-                    f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} "
-                    "THEN data END FROM messages NOT INDEXED WHERE typeof(topic_id) = 'integer' "
-                    f'AND topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid'):
-                read += 1
-                if message is None:
-                    malformed(1, MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most'))
-                    continue
-                all_bytes += len(message)
-                if all_bytes > self._room:
-                    raise sqlite3.DataError('its messages have more bytes than the file')
-                stamps.append(stamp)
-                messages.append(message)
-                held_bytes += len(message)
-                # This many messages fit into the cache, unless they are large.
-                if len(messages) == 1 << 11 or held_bytes >= 1 << 24:
-                    position = self.size_bytes * max(row, 0) // max(row, last, 1)
-                    yield stamps, messages, position
-                    stamps, messages, held_bytes = [], [], 0
-        except sqlite3.Error as error:
-            self.remark('damaged_recording', fault='database', reason=printable(error), read=read,
-                        topic=printable(imu.name), lost_share=1 - row / max(row, last, 1))
-        kept = max(len(messages) - self._unsure, 0)
-        if kept:
-            yield stamps[:kept], messages[:kept], position
+                 ) -> Iterator[tuple[Sequence[int], Sequence[bytes], int]]:
+        """Fetch hundreds of messages at a time, with stamps and bytes consumed, up to damage."""
+        first, last = self.ends_ns if len(self.ends_ns) == 2 else (0, 0)
+        read = all_bytes = 0
+        share, damage = 0.0, ''
+        rows: list[tuple[int, bytes]] = []
+        cursor: Iterator[tuple[int, bytes]] | None = None
+        while not damage:
+            held = len(rows)
+            try:
+                cursor = cursor or database.execute(
+                    'SELECT timestamp, data FROM messages NOT INDEXED '
+                    f'WHERE topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid')
+                # So many fit into the cache. Those before a damaged one stay in the list.
+                rows.extend(islice(cursor, 512))
+            except sqlite3.Error as error:
+                damage = printable(error)
+            else:
+                if len(rows) == held:
+                    return
+            read += len(rows) - held
+            sure = max(len(rows) - self._unsure, 0)
+            stamps, messages = self._columns(rows[:sure], malformed)
+            rows = rows[sure:]
+            if not messages:
+                continue
+            all_bytes += sum(map(len, messages))
+            if all_bytes > self._room:
+                damage = damage or 'its messages have more bytes than the file'
+            share = min(max((stamps[-1] - first) / max(last - first, 1), 0.0), 1.0)
+            yield stamps, messages, int(share * self.size_bytes)
+        self.remark('damaged_recording', fault='database', reason=damage, read=read,
+                    topic=printable(imu.name), lost_share=1 - share)
+
+    def _columns(self, rows: list[tuple[int, bytes]], malformed: MalformedMessages,
+                 ) -> tuple[Sequence[int], Sequence[bytes]]:
+        """Return stamps and messages; a value may have any type, whatever its column has."""
+        if not rows:
+            return (), ()
+        stamps, messages = zip(*rows, strict=True)
+        if {*map(type, stamps)} == {int} and {*map(type, messages)} == {bytes}:
+            return stamps, messages
+        blobs = [row for row in rows if type(row[1]) is bytes]
+        if len(blobs) < len(rows):
+            malformed(len(rows) - len(blobs), MalformedImu('not a blob'))
+        return ([stamp if type(stamp) is int else 0 for stamp, _ in blobs],
+                [message for _, message in blobs])

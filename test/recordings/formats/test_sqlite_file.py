@@ -102,7 +102,7 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     assert after.receive_ns.tolist() == [*block(4).receive_ns.tolist(), 0]
     assert_same(block(4), after.part(slice(4)))
     assert remark == said(path, 'malformed_messages', what='message', count=3, topic='/imu',
-                          type='sensor_msgs/Imu', first='not a blob of 1,048,576 bytes at most')
+                          type='sensor_msgs/Imu', first='not a blob')
 
 
 def from_script(*statements, first=None):
@@ -197,7 +197,7 @@ def test_messages_of_more_bytes_than_the_file_are_read_no_further(tmp_path):
     with open_recording(path) as recording:
         assert not list(recording.decoded('/imu'))
         remark = recording.remarks[0]
-        assert remark.values['read'] < 40
+        assert remark.values['read'] <= 512
         assert remark == said(
             path, 'damaged_recording', fault='database', read=remark.values['read'], topic='/imu',
             reason='its messages have more bytes than the file', severity='act')
