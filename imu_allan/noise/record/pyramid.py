@@ -55,6 +55,11 @@ class Pyramid(MultiAxis):
 
         `rows`, shape (axes, n): in the unit of a sample.
         """
+        # So many samples of six axes fit into the cache with their differences.
+        for begin in range(0, rows.shape[1], 8192):
+            self._absorb(rows[:, begin:begin + 8192])
+
+    def _absorb(self, rows: Array) -> None:
         window, new = np.concatenate((self.newest, rows), axis=1), rows.shape[1]
         # As many previous samples as the next differences need.
         self.newest = window[:, 1 - 2 * OVERLAP:].copy()
