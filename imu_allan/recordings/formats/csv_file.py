@@ -152,11 +152,9 @@ class CsvRecording(FileRecording):
             if lines and _is_row(text, cells_of(lines[-1][0])[0]):
                 del lines[:-1]
                 break
-            if text.strip(QUOTES + ',;|') or not line:
+            if text.strip(QUOTES + ',;|'):
                 lines.append((text, at, number))
-            if not line:
-                break
-        header, self._data_at, self._first_line = lines[0]
+        header, self._data_at, self._first_line = lines[0] if lines else ('', 0, 1)
         file.seek(self._data_at)
         file.readline()
         return header

@@ -175,6 +175,7 @@ EIGHT_FIELDS = (
 @pytest.mark.parametrize(('text', 'reason'), [
     ('gyro_z\n1\n', NO_TIME), ('SampleTimeFine\tGyr_X\n\t1\n\t2\n', NO_TIME),
     ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
+    ('\n' * 200 + 'time_s,gyro_x\n0,1\n', no_axes('')),
     ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
      'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
      'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
