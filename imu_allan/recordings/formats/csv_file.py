@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 import csv
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 import re
 from typing import Any, BinaryIO
@@ -243,40 +242,36 @@ def _decoded(data: bytes) -> str:
 
 def _parse(lines: list[str], columns: Columns,
            ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
-    """Parse lines to axes (NaN if empty), stamps in ns (or None) and indices of bad lines."""
+    """Parse lines to a table, axes first, stamps in ns (or None) and indices of bad lines."""
     axes = [column for column, _, _ in columns.axes]
     clock = columns.clock
     if clock is None:
         table, _, bad = _numbers(lines, columns.delimiter, axes)
         return table, None, bad
-    columns_of_time = [clock.column] if clock.nanoseconds is None else [
-        clock.column, clock.nanoseconds]
-    table, places, bad = _numbers(lines, columns.delimiter, [*columns_of_time, *axes])
-    times, parts, table = table[:, 0], table[:, 1], table[:, len(columns_of_time):]
+    seconds_and_parts = [column for column in (clock.column, clock.nanoseconds)
+                         if column is not None]
+    table, places, bad = _numbers(lines, columns.delimiter, [*axes, *seconds_and_parts])
+    times, parts = table[:, len(axes)], table[:, -1]
     unit_s = convert(1.0, str(clock.unit), 's')
     # Larger times do not fit into 64 bits of nanoseconds.
     timely = np.abs(times * unit_s) < 9.2e9
     if clock.nanoseconds is not None:
         # During the first second, total nanoseconds look like a fraction; reject the later rows.
         timely &= (np.floor(times) == times) & ~((parts < 0) | (parts >= 1e9))
-    some = np.ones_like(timely)
-    if columns.ignored:
-        some &= ~np.isnan(table).all(axis=1)
-    if not timely.all():
-        # Rows of another topic may have no time for this one, and are not malformed.
-        bad = sorted([*bad, *places[some & ~timely].tolist()])
-    some &= timely
-    stamps = np.zeros(len(times), np.int64)
-    stamps[timely] = np.rint(times[timely] * (unit_s * 1e9))
-    if unit_s == 1e-9 and timely.any():
+    # Rows of another topic may have no time for this one, and are not malformed.
+    of_others = np.isnan(table[:, :len(axes)]).all(axis=1) & bool(columns.ignored)
+    bad = sorted([*bad, *places[~of_others & ~timely].tolist()])
+    kept = ~of_others & timely
+    stamps = np.rint(times[kept] * (unit_s * 1e9)).astype(np.int64)
+    if unit_s == 1e-9:
         # They exceed the digits of a double.
-        exact, _, others = _numbers([lines[place] for place in places[timely]], columns.delimiter,
+        exact, _, others = _numbers([lines[place] for place in places[kept]], columns.delimiter,
                                     [clock.column], int)
         if not others:
-            stamps[timely] = exact[:, 0]
+            stamps = exact[:, 0]
     if clock.nanoseconds is not None:
-        stamps += np.nan_to_num(parts).astype(np.int64)
-    return table[some], stamps[some], bad
+        stamps += np.nan_to_num(parts[kept]).astype(np.int64)
+    return table[kept], stamps, bad
 
 
 def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
@@ -397,20 +392,19 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
     """Infer the unit of times or raise an error; return None if the given rate is used instead."""
     if clock.unit:
         return clock
-    times = []
+    numbers: list[float] = []
     for text in texts:
         with suppress(ValueError):
-            times.append(float(text))
-    finite = [time for time in times if np.isfinite(time)]
+            numbers.append(float(text))
+    times = np.array([number for number in numbers if np.isfinite(number)][:_FIRST_LINES])
     # Use the median: the first value may be truncated or zero. Times of this century exceed 1e9 s
     # (2001), which separates the units.
-    sizes = sorted(map(abs, finite[:_FIRST_LINES]))
-    usual = sizes[len(sizes) // 2] if sizes else 0.0
+    usual = np.sort(np.abs(times))[len(times) // 2] if len(times) else 0.0
     unit = next((unit for least, unit in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
                  if usual >= least), 's')
     # A clock that is set back says nothing about the rate.
-    steps = np.sort([after - before for before, after in pairwise(finite[:_FIRST_LINES])
-                     if after >= before])
+    steps = np.diff(times)
+    steps = np.sort(steps[steps >= 0])
     # IMUs run at 5 to 20,000 Hz; other rates mean that the unit is another one. Samples of a batch
     # may be a microsecond apart, and the longest step may be an outage.
     for interval, least_hz, most_hz in () if len(steps) < 8 else (

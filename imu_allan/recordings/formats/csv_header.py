@@ -40,10 +40,6 @@ _AXES = [
                   r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc'
                   r'|a_rs_s|lin(?:ear)?_?acc(?:el(?:eration)?)?|beschleunigung')))]
 """Names of the axes of a sensor."""
-_UNITS = {**dict.fromkeys(('rad/s', 'deg/s', '°/s', 'dps', 'mdps'), 'gyro'),
-          **dict.fromkeys(('m/s^2', 'm/s²', 'm/s2', 'g', 'mg'), 'accel')}
-"""Units that tell the sensor of a mere x, y or z. A capital G is not among them, as magnetometers
-use it (gauss)."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
@@ -159,21 +155,23 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     for column, (meaning, unit) in chosen.items():
         known = names[column]
         names[column] = replace(known, meaning=meaning, unit=unit or known.unit)
-    times = [column for column in chosen if names[column].meaning == 'time']
+    times = {column: Clock(column, name.unit) for column, name in enumerate(names)
+             if name.meaning == 'time'}
+    clock = next((times[column] for column in chosen if column in times), None)
     of_axes = [column for column in chosen if column not in times]
-    parts: Clock | None = None
-    timed = [column for column, name in enumerate(names) if name.meaning == 'time']
     # Axes that the user gives are all that are read; a given rate takes the place of the time.
-    if not headless and not (of_axes and (times or options.rate_hz)):
+    if not headless and not (of_axes and (clock or options.rate_hz)):
         of_axes = of_axes or [column for column, name in enumerate(names) if name.meaning in AXES]
-        if not times:
-            parts = next(filter(is_usable, _split_seconds(names)), None)
-            times = [column for column in timed if is_usable(Clock(column))] or timed
+        clock = clock or next(filter(is_usable, (*_split_seconds(names), *times.values())),
+                              next(iter(times.values()), None))
     axes: dict[str, tuple[int, int, float]] = {}
     for column in sorted(of_axes):
         meaning = str(names[column].meaning)
         if meaning in axes:
-            raise _both(meaning, axes[meaning][0], column)
+            both = axes[meaning][0] + 1, column + 1
+            raise ImuAllanError(
+                f'columns {both[0]} and {both[1]} are both {meaning}; --columns names those to '
+                f'read, such as {meaning}={both[0]}')
         axes[meaning] = column, list(AXES).index(meaning), _factor(names[column], options)
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
@@ -182,9 +180,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
             f'begins with a line such as {EXAMPLE}, with units as in gyro_x [deg/s]. '
             '--columns gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number '
             'from 1')
-    unit = names[times[0]].unit if times else None
-    clock = parts or (Clock(times[0], unit and unit.strip()) if times else None)
-    read = {*of_axes, *timed, *((parts.column, parts.nanoseconds) if parts else ())}
+    read = {*of_axes, *times} | ({clock.column, clock.nanoseconds} if clock else set())
     temperature = next((
         column for column, name in enumerate(names) if column not in read and (
             re.fullmatch(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?',
@@ -242,24 +238,18 @@ def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
     return found
 
 
-def _columns_named(name: str, names: Sequence[str]) -> list[int]:
-    columns = _with_name(name, names)
-    if not columns and name.isdecimal() and len(name) < 7 and 1 <= int(name) <= len(names):
-        return [int(name) - 1]
-    return columns
-
-
-def _with_name(name: str, names: Sequence[str]) -> list[int]:
-    """Find the columns with this name, in capitals or not, whether or not a unit follows it."""
+def _columns_named(text: str, names: Sequence[str]) -> list[int]:
+    """Find columns by name, in capitals or not, with a unit behind it or not; or by number."""
     # The comment mark before the first name is not part of it.
-    name = name.lstrip('# ')
+    name = text.lstrip('# ')
     for spelled in (str, str.lower):
         wanted = spelled(name)
         found = [column for column, each in enumerate(map(spelled, names))
                  if name and (each == wanted or each.startswith((f'{wanted} [', f'{wanted} (')))]
         if found:
             return found
-    return []
+    number = int(text) if text.isdecimal() and len(text) < 7 else 0
+    return [number - 1] if 1 <= number <= len(names) else []
 
 
 # -------------------------------------------------------------------------------- names and units
@@ -271,9 +261,8 @@ def name_of(cell: str) -> Name:
     plain = ' '.join(cell.split()) if len(cell) <= 200 else ''
     match = re.fullmatch(
         r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?', plain)
-    name, *units = match.groups() if match else ('', None, None)
-    unit = next((unit for unit in units if unit is not None), None)
-    name = name.strip().replace(' ', '_')
+    name = match[1].strip().replace(' ', '_') if match else ''
+    unit = (match[2] or match[3] or '').strip() if match else ''
     meaning, implied = _meaning(name.lower())
     return Name(cell.strip(' "'), name, meaning, unit or implied)
 
@@ -316,7 +305,7 @@ def _factor(name: Name, options: RecordingOptions) -> float:
     if name.unit is None:
         return options.factors[0 if is_gyro else 1]
     # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G).
-    spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit.strip())
+    spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit)
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
     if spelled == 'G' and not is_gyro:
         spelled = 'g'
@@ -332,15 +321,12 @@ def require_time(name: str, unit: str | None) -> None:
 
 def _converted(name: str, unit: str, si_unit: str, example: str) -> float:
     try:
-        return convert(1.0, unit.strip(), si_unit)
+        return convert(1.0, unit, si_unit)
     except ImuAllanError as error:
         raise ImuAllanError(f'column {printable(name)}: {printable(error)}; --columns gives '
                             f"another unit, as in '{example}'") from error
 
 
-def _both(meaning: str, column: int, other: int) -> ImuAllanError:
-    return ImuAllanError(f'columns {column + 1} and {other + 1} are both {meaning}; --columns '
-                         f'names those to read, such as {meaning}={column + 1}')
 
 
 # ------------------------------------------------------------------------------------------- cells

@@ -152,9 +152,9 @@ def split_path(path: str) -> tuple[str, int]:
     return path, 0
 
 
-def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
-    """Find messages with vectors `angular_velocity` and `linear_acceleration` in a type."""
-    found: list[ImuFields] = []
+def found_by_shape(types: Types, type_name: str) -> dict[str, ImuFields]:
+    """Find messages with vectors `angular_velocity` and `linear_acceleration`, by their path."""
+    found: dict[str, ImuFields] = {}
     # Nested messages; the state message of a robot has some fifty.
     most = 1000
     visits = iter(range(most))
@@ -173,15 +173,16 @@ def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
             around, stamps=stamps + around.stamps, frame_id=frame_id or around.frame_id,
             temperature=next((f'{path}{name}' for name in (
                 'imu_temperature', 'temperature', 'imu_temp', 'temp')
-                if name in fields and _is_number(fields[name])), around.temperature))
+                if name in fields and is_number(fields[name])), around.temperature))
         halves = ('angular_velocity', 'linear_acceleration')
         if all(_is_vector(types, fields.get(name)) for name in halves):
+            covariances = {name: f'{path}{name}[0]' for name, field in fields.items()
+                           if field.kind == 'f8' and field.count == 9}
             gyro, accel = (Vector(
-                _components(f'{path}{name}'),
-                covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
-                    fields.get(f'{name}_covariance')) else None)) for name in halves)
-            found.append(replace(here, gyro=gyro, accel=accel, what=(
-                f'its field {path[:-1]} ({kind})' if path else 'its own fields')))
+                _components(f'{path}{name}'), covariance=covariances.get(f'{name}_covariance'))
+                for name in halves)
+            found[path[:-1]] = replace(here, gyro=gyro, accel=accel, what=(
+                f'its field {path[:-1]} ({kind})' if path else 'its own fields'))
             return
         # Real messages are not nested this deep; a hostile definition may be nested endlessly.
         if path.count('.') == 8:
@@ -205,16 +206,13 @@ def _components(path: str) -> tuple[str, str, str]:
 def _is_vector(types: Types, field: Field | None) -> bool:
     if field is None or not field.is_message or field.count is not None:
         return False
-    numbers = {part.name for part in types.get(field.kind, ()) if _is_number(part)}
+    numbers = {part.name for part in types.get(field.kind, ()) if is_number(part)}
     return {'x', 'y', 'z'} <= numbers
 
 
-def _is_number(field: Field) -> bool:
+def is_number(field: Field) -> bool:
+    """Return whether a field is a single number."""
     return not field.is_message and field.kind != 'string' and field.count is None
-
-
-def _is_covariance(field: Field | None) -> bool:
-    return field is not None and field.kind == 'f8' and field.count == 9
 
 
 def own_clock(types: Types, type_name: str, path: str = '',
@@ -258,7 +256,7 @@ def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
 
 def number_at(types: Types, type_name: str, path: str, what: str) -> None:
     """Raise ImuAllanError unless `path` is a single number."""
-    if not _is_number(field_at(types, type_name, path, what)):
+    if not is_number(field_at(types, type_name, path, what)):
         raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
 
 
@@ -268,26 +266,22 @@ def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
     if len(path) > 1000 or re.fullmatch(
             r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*', path) is None:
         raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
-    kind = type_name
-    parts = path.split('.')
-    field = Field('', kind, True, None)
-    for place, part in enumerate(parts):
+    field = Field('', type_name, True, None)
+    for part in path.split('.'):
+        if not field.is_message or field.count is not None:
+            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.name)} has no fields of its '
+                                'own')
         name, number = split_path(part)
-        fields = {field.name: field for field in types.get(kind, ())}
+        fields = {each.name: each for each in types.get(field.kind, ())}
         if name not in fields:
             known = ', '.join(shown(name) for name in list(fields)[:10])
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(kind)} has no field '
+            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.kind)} has no field '
                                 f'{shown(name)}; it has {known or "none"}')
         field = fields[name]
-        indexed = name != part
-        if indexed and (field.count is None or (field.count and number >= field.count)):
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no such element')
-        if place + 1 < len(parts) and (
-                not field.is_message or (field.count is not None) != indexed):
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no fields of its own')
-        kind = field.kind
-        if indexed:
-            field = Field(name, kind, field.is_message, None)
+        if name != part:
+            if field.count is None or (field.count and number >= field.count):
+                raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no such element')
+            field = replace(field, count=None)
     return field
 
 

@@ -20,6 +20,7 @@ from imu_allan.recordings.messages.imu_fields import (
     field_at,
     found_by_shape,
     ImuFields,
+    is_number,
     number_at,
     own_clock,
     shown,
@@ -35,10 +36,6 @@ IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
 """Type names in ROS 2 and ROS 1."""
 
 TEMPERATURE_TYPES = frozenset({'sensor_msgs/msg/Temperature', 'sensor_msgs/Temperature'})
-
-
-class NotRead(ImuAllanError):
-    """Messages that cannot be read; the error text gives the reason."""
 
 
 def may_hold_imu(type_name: str) -> bool:
@@ -57,56 +54,38 @@ def imus_in(
     definition: Definition | Types | None, options: RecordingOptions,
 ) -> dict[str, ImuMessages]:
     """
-    Find the IMUs in the messages of a topic; NotRead if one might be there that cannot be read.
+    Find the IMUs in the messages of a topic; an error says why one might be there unread.
 
     They have the name of the topic or, if its messages hold several, of topic and field, such as
     ``/imus.left``.
     """
-    found = _imus_in(topic, normal_name(type_name), serialization, definition, options)
-    temperature = options.temperature
-    for name, messages in found.items():
-        if temperature is not None and messages.fields is not None and messages.types is not None:
-            # The temperature may be a topic instead of a field.
-            with suppress(ImuAllanError):
-                number_at(messages.types, messages.type_name, temperature, '--temperature')
-                found[name] = replace(
-                    messages, fields=replace(messages.fields, temperature=temperature))
-    return found
-
-
-def _imus_in(
-    topic: str, kind: str, serialization: Serialization,
-    definition: Definition | Types | None, options: RecordingOptions,
-) -> dict[str, ImuMessages]:
-    gyro, accel = _named(topic, options)
+    kind, factors = normal_name(type_name), options.factors
+    gyro = options.gyro if options.gyro_topic in (None, topic) else None
+    accel = options.accel if options.accel_topic in (None, topic) else None
     if gyro is not None or accel is not None:
-        types = _types(kind, serialization, definition, options)
-        fields = _chosen(types, kind, gyro, accel, options.stamp)
-        return {topic: ImuMessages(kind, serialization, fields, types)}
-    factors = options.factors
-    if kind in IMU_TYPES:
+        types, factors = _types(kind, serialization, definition, options), (1.0, 1.0)
+        found = {topic: _chosen(types, kind, gyro, accel, options.stamp)}
+    elif kind in IMU_TYPES:
         return {topic: ImuMessages(kind, serialization, factors=factors)}
-    if kind in KNOWN:
+    elif kind in KNOWN:
         types = _types(kind, serialization, definition, options)
-        return {topic: ImuMessages(kind, serialization, _present(KNOWN[kind], types, kind),
-                                   types, factors)}
-    if not may_hold_imu(kind):
+        found = {topic: _present(KNOWN[kind], types, kind)}
+    elif may_hold_imu(kind) and _shows_imu(
+            known := _definition_of(kind, serialization, definition, options)):
+        types = parse(kind, known, serialization)
+        by_path = found_by_shape(types, kind)
+        found = {topic if len(by_path) == 1 else f'{topic}.{path}': fields
+                 for path, fields in by_path.items()}
+    else:
         return {}
-    known = _definition_of(kind, definition, options)
-    if not _shows_imu(known):
-        return {}
-    types = parse(kind, known, serialization)
-    found = found_by_shape(types, kind)
-    return {
-        topic if len(found) == 1 else f'{topic}.{fields.gyro.paths[0].rpartition(".angular")[0]}':
-        ImuMessages(kind, serialization, fields, types, factors)
-        for fields in found if fields.gyro is not None}
-
-
-def _named(topic: str, options: RecordingOptions) -> tuple[str | None, str | None]:
-    """Return the gyroscope and accelerometer fields that the user gives for a topic."""
-    return (options.gyro if options.gyro_topic in (None, topic) else None,
-            options.accel if options.accel_topic in (None, topic) else None)
+    if options.temperature is not None:
+        # The temperature may be a topic instead of a field.
+        with suppress(ImuAllanError):
+            number_at(types, kind, options.temperature, '--temperature')
+            found = {name: replace(fields, temperature=options.temperature)
+                     for name, fields in found.items()}
+    return {name: ImuMessages(kind, serialization, fields, types, factors)
+            for name, fields in found.items()}
 
 
 def _shows_imu(definition: Definition | Types) -> bool:
@@ -166,30 +145,26 @@ def imu_messages(type_name: str, definition: str | Types,
 
 def _types(kind: str, serialization: Serialization, carried: Definition | Types | None,
            options: RecordingOptions) -> Types:
-    try:
-        return parse(kind, _definition_of(kind, carried, options), serialization)
-    except NotRead:
-        # `parse` supplies ROS types only as nested fields, so wrap the type in another message.
-        outer = {} if may_hold_imu(kind) else parse(
-            'imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
-        if kind not in outer:
-            raise
-        return outer
+    return parse(kind, _definition_of(kind, serialization, carried, options), serialization)
 
 
-def _definition_of(kind: str, carried: Definition | Types | None, options: RecordingOptions,
-                   ) -> Definition | Types:
-    """Return the definition in the recording, or else one named by the user or sourced."""
+def _definition_of(kind: str, serialization: Serialization, carried: Definition | Types | None,
+                   options: RecordingOptions) -> Definition | Types:
+    """Return the definition in the recording, or else that of the user, of a package or of ROS."""
     found = carried or find_definition(kind, definition_files(options.definitions))
+    if found is None and not may_hold_imu(kind):
+        # `parse` supplies ROS types only as nested fields, so wrap the type in another message.
+        outer = parse('imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
+        found = outer if kind in outer else None
     if found is None:
-        raise NotRead(
+        raise ImuAllanError(
             f'the definition of {shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
             'Iron carry none); name its .msg files with --definitions')
     return found
 
 
 def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
-    """Remove optional fields that this version of the type lacks; NotRead if samples lack."""
+    """Remove optional fields that this version of the type lacks; an error if samples lack."""
     def has(path: str) -> bool:
         try:
             field_at(types, kind, path, '')
@@ -199,8 +174,9 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
 
     for path in sorted(fields.needed()):
         if not has(path):
-            raise NotRead(f'{shown(kind)} has no field {split_path(path)[0]} in the definition '
-                          'that comes with it; name the fields with --gyro and --accel')
+            raise ImuAllanError(
+                f'{shown(kind)} has no field {split_path(path)[0]} in the definition that comes '
+                'with it; name the fields with --gyro and --accel')
     paths = [vector.paths[0].rpartition('.x')[0] or split_path(vector.paths[0])[0]
              for _, vector in fields.vectors()]
     return replace(
@@ -234,13 +210,11 @@ def _stamp(types: Types, kind: str, text: str) -> Stamp:
     path, _, unit = text.strip().partition(' ')
     field = field_at(types, kind, path, '--stamp')
     if field.is_message:
-        nested = {part.name for part in types.get(field.kind, ())}
-        if nested == {'sec', 'nanosec'}:
+        if {part.name for part in types.get(field.kind, ())} == {'sec', 'nanosec'}:
             return Stamp(path)
         raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
-    durations_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
-    if field.kind == 'string' or field.count is not None or (
-            unit.strip() not in durations_ns):
+    unit_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}.get(unit.strip())
+    if unit_ns is None or not is_number(field):
         raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
                             'ns), or a field with seconds and nanoseconds')
-    return Stamp(path, durations_ns[unit.strip()])
+    return Stamp(path, unit_ns)

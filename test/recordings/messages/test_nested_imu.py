@@ -173,7 +173,7 @@ def test_a_few_lines_that_define_billions_of_messages_are_not_searched_for_ever(
     text = around + 'a/B[16] b\na/B[16] c\n' + '=' * 80 + '\nMSG: a/B\na/B[16] b\na/B[16] c\n'
     types = parse('a/msg/A', Definition(text))
     if around:
-        [found] = found_by_shape(types, 'a/msg/A')
+        [found] = found_by_shape(types, 'a/msg/A').values()
         assert found.gyro.paths[0] == 'imu.angular_velocity.x'
     else:
         with refused('its type holds more than 1000 messages, too many to search for an IMU; name '
