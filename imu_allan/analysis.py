@@ -9,6 +9,7 @@ Several recordings of one IMU give one result.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from heapq import merge
 from itertools import combinations, repeat
@@ -147,7 +148,8 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
     """Return the result of one recording."""
-    with choice.opened(path) if recording is None else recording.for_another_topic() as opened:
+    with choice.opened(path) if recording is None else nullcontext(
+            recording.for_another_topic()) as opened:
         taken = _taken(opened, choice, progress)
     results = []
     for one in taken:

@@ -57,18 +57,17 @@ def open_recording(
                 if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
             found = recordings_in(path, options)
-            if len(found) > 1 and path not in found:
-                raise ImuAllanError(f'{printable(path)}: holds {len(found)} recordings, such as '
-                                    f'{printable(found[0].name)}; name one')
             if path not in found:
+                if len(found) > 1:
+                    raise ImuAllanError(f'{printable(path)}: holds {len(found)} recordings, such '
+                                        f'as {printable(found[0].name)}; name one')
                 return open_recording(found[0], options=options)
             from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
             if not holds_recording(path) and tables_in(path):
                 return TableFolder(path, options)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
-        head = read_head(path)
-        if head.startswith(b'\x28\xb5\x2f\xfd'):
+        if _head(path, path).startswith(b'\x28\xb5\x2f\xfd'):
             from imu_allan.recordings.formats.compressed_file import open_compressed
             return open_compressed(path, open_stored, options)
         return open_stored(path, path, options)
@@ -89,11 +88,6 @@ def _result_given(given: Path, file: Path) -> ImuAllanError:
                          f'{what}')
 
 
-def _separate_bags(folder: Path) -> list[Path]:
-    """List the bag files of a folder, unless metadata.yaml or `_is_split` makes them one."""
-    from imu_allan.recordings.formats.bag_directory import recorded_files
-    files = [] if (folder / 'metadata.yaml').is_file() else recorded_files(folder)
-    return [] if len(files) < 2 or _is_split(files) else files
 
 
 def _is_split(files: Sequence[Path]) -> bool:
@@ -134,15 +128,15 @@ def recordings_in(
     """
     folder = Path(path)
     try:
-        if not folder.is_dir():
-            return [folder]
-        if (folder / 'metadata.yaml').is_file():
+        if not folder.is_dir() or (folder / 'metadata.yaml').is_file():
             return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) or bool(_of_tables(item, options)) if item.is_dir() else
             item.suffix.lower() in ('.bag', '.ulg', '.bin'))]
         if _is_bag(folder):
-            found += _separate_bags(folder) or [folder]
+            from imu_allan.recordings.formats.bag_directory import recorded_files
+            files = recorded_files(folder)
+            found += [folder] if len(files) < 2 or _is_split(files) else files
         found += _of_tables(folder, options, beside=bool(found))
     except (OSError, ValueError):
         # The error is reported when the path is opened.
@@ -188,27 +182,32 @@ def _is_bag(folder: Path) -> bool:
         item.name.endswith(BAG_SUFFIXES) for item in folder.iterdir())
 
 
-def read_head(path: Path) -> bytes:
+def _head(path: Path, stored: Path) -> bytes:
     """Read the first bytes of a file; raise ImuAllanError if it cannot hold a recording."""
-    if not path.exists():
+    if not stored.exists():
         raise ImuAllanError(f'{printable(path)}: no such file or directory')
-    if not path.is_file():
+    if not stored.is_file():
         raise ImuAllanError(f'{printable(path)}: not a file')
-    with path.open('rb') as file:
+    with stored.open('rb') as file:
         # Long enough for the longest signature, the 40 bytes of git-LFS.
         head = file.read(64)
     if not head:
         raise ImuAllanError(f'{printable(path)}: the file is empty')
-    if head.startswith(b'version https://git-lfs.github.com/spec/'):
-        raise ImuAllanError(
-            f'{printable(path)}: a git-LFS pointer, not the recording itself; fetch it with: '
-            'git lfs pull')
+    for first_bytes, what in (
+            (b'version https://git-lfs.github.com/spec/',
+             'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
+            ((b'\xff\xfe', b'\xfe\xff'),
+             'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
+            ((b'\x1f\x8b', b'PK\x03\x04'), 'compressed with gzip or zip; take its files out, or '
+             'save it as plain text in CSV')):
+        if head.startswith(first_bytes):
+            raise ImuAllanError(f'{printable(path)}: {what}')
     return head
 
 
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
     """Open a file by its first bytes; `stored` is the unpacked file if `path` is compressed."""
-    head = read_head(stored)
+    head = _head(path, stored)
     for first_bytes, module, name in (
             (b'\x89MCAP', 'mcap_file', 'McapRecording'),
             (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
@@ -222,12 +221,6 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
             return recording
     if head.startswith(b'{') and b'"schema": "imu_allan.' in head:
         raise _result_given(path, path)
-    if head.startswith((b'\xff\xfe', b'\xfe\xff')):
-        raise ImuAllanError(f'{printable(path)}: text in UTF-16, as a redirection of PowerShell '
-                            'writes it; save it as UTF-8')
-    if head.startswith((b'\x1f\x8b', b'PK\x03\x04')):
-        raise ImuAllanError(f'{printable(path)}: compressed with gzip or zip; take its '
-                            'files out, or save it as plain text in CSV')
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
             separator in head for separator in (b',', b';', b'\t'))):
         from imu_allan.recordings.formats.csv_file import CsvRecording

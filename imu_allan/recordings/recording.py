@@ -4,7 +4,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -98,11 +98,11 @@ class Recording(ABC):
         for folder in self.folders:
             remove_folder(folder)
 
-    def for_another_topic(self) -> 'AbstractContextManager[Recording]':
+    def for_another_topic(self) -> 'Recording':
         """Return this open recording for reading another topic, with its own remarks."""
         lent = copy(self)
         lent.remarks = [*self.remarks]
-        return nullcontext(lent)
+        return lent
 
     @property
     def by_name(self) -> Mapping[str, ImuTopic]:

@@ -143,8 +143,8 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
     """Read the first messages of a topic; damage is reported later, by the actual reading."""
     seen = 0
-    with recording.for_another_topic() as reader, suppress(ImuAllanError, OSError):
-        for block, _ in reader.decoded(topic):
+    with suppress(ImuAllanError, OSError):
+        for block, _ in recording.for_another_topic().decoded(topic):
             yield block
             seen += len(block)
             # A few seconds are enough to recognize two rates.

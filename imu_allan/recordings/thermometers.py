@@ -58,11 +58,10 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
         return
     try:
         # Problems of the file were reported when the IMU was read, so remarks are discarded here.
-        with recording.for_another_topic() as reader:
-            for block, _ in reader.decoded(thermometer.name):
-                usable = clock == 'header' and (block.header_ns > 0).all()
-                yield (block.header_ns if usable else block.receive_ns,
-                       in_celsius(block.samples[:, 0]))
+        for block, _ in recording.for_another_topic().decoded(thermometer.name):
+            usable = clock == 'header' and (block.header_ns > 0).all()
+            yield (block.header_ns if usable else block.receive_ns,
+                   in_celsius(block.samples[:, 0]))
     except ImuAllanError as error:
         if recording.options.temperature is not None:
             raise
@@ -91,5 +90,5 @@ def in_celsius(readings: Array) -> Array:
 
 def _frame_id(recording: Recording, name: str) -> str:
     """Return the frame_id of the first message, or an empty string."""
-    with recording.for_another_topic() as reader:
-        return next((block.frame_id for block, _ in reader.decoded(name) if len(block)), '')
+    blocks = recording.for_another_topic().decoded(name)
+    return next((block.frame_id for block, _ in blocks if len(block)), '')

@@ -3,6 +3,7 @@
 """Selection of the part of a recording between two times."""
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
@@ -10,37 +11,30 @@ from imu_allan.finding import Finding, finding
 from imu_allan.timeline.clock import repeated
 from imu_allan.timeline.stamps import flaw_of, Stamps
 from imu_allan.wording import duration
+import numpy as np
 
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None, path: object,
             shortfall: list[Finding]) -> Iterator[ImuBlock]:
     """Yield what was received in a window; if less was recorded, add a finding to `shortfall`."""
-    begin: int | None = None
-    end: int | None = None
-    first = last = 0
-    by_header = False
-    for block in blocks:
-        if not len(block):
-            continue
-        if begin is None:
-            by_header = _by_header(block)
-        stamps = block.header_ns if by_header else block.receive_ns
-        if begin is None:
-            first = int(stamps[0])
-            begin = first + round(start_s * 1e9)
-            end = None if duration_s is None else begin + round(duration_s * 1e9)
+    filled = filter(len, blocks)
+    opening = next(filled, None)
+    if opening is None:
+        return
+    clock = 'header_ns' if _by_header(opening) else 'receive_ns'
+    first = last = int(getattr(opening, clock)[0])
+    begin = first + round(start_s * 1e9)
+    end = np.inf if duration_s is None else begin + round(duration_s * 1e9)
+    for block in chain([opening], filled):
+        stamps = getattr(block, clock)
         last = int(stamps[-1])
-        keep = stamps >= begin
-        if end is not None:
-            keep &= stamps < end
-            if (stamps >= end).all():
-                return
+        if (stamps >= end).all():
+            return
+        keep = (stamps >= begin) & (stamps < end)
         if keep.all():
             yield block
         elif keep.any():
             yield block.part(keep)
-    if begin is None:
-        return
     if last < begin:
         raise ImuAllanError(f'{path}: lasts {duration((last - first) / 1e9)}: --start '
                             f'{duration(start_s)} leaves nothing of it')

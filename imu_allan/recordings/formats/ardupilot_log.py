@@ -62,12 +62,12 @@ class ArduPilotRecording(TableLog):
                 if has_temperature(records.dtype, _FIELDS[base]):
                     warm.add(name)
         thermometer = _FIELDS['IMU'].thermometer()
-        rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
         imus = []
-        for name, rate in rates.items():
+        for name, parts in times.items():
             base, dot, number = name.partition('.')
-            imus.append((ImuTopic(name, sum(map(len, times[name])), ImuMessages(
-                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)), rate))
+            imus.append((ImuTopic(name, sum(map(len, parts)), ImuMessages(
+                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
+                _rate_hz(np.concatenate(parts))))
             # Only IMU messages hold a temperature, and even their lowest rate is high enough for
             # it.
             source = f'IMU{dot}{number}'

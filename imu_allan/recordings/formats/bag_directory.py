@@ -36,22 +36,17 @@ class BagDirectory(Recording):
         super().__init__(path, options)
         self._open_file = open_file
         listed = self._read_metadata()
-        if not listed:
-            self._files = recorded_files(path)
-            if not self._files:
-                raise ImuAllanError(
-                    f'{printable(path)}: ' + (
-                        'holds no recording: no metadata.yaml and no .mcap or .db3 file'
-                        if any(path.iterdir()) else 'an empty folder; name a recording'))
+        self._files = self._existing(listed) if listed else recorded_files(path)
+        if not self._files:
+            raise ImuAllanError(f'{printable(path)}: ' + (
+                'holds no recording: no metadata.yaml and no .mcap or .db3 file'
+                if any(path.iterdir()) else 'an empty folder; name a recording'))
+        if (not self.topics or any(topic.count == 0 for topic in self.topics)
+                or any(map(may_hold_imu, self.other_topics.values()))
+                or TEMPERATURE_TYPES & set(self.other_topics.values())
+                or options.gyro is not None or options.accel is not None):
+            # The files are more reliable, and may contain definitions of the other types.
             self._list_from_files()
-        else:
-            self._files = self._existing(listed)
-            if (not self.topics or any(topic.count == 0 for topic in self.topics)
-                    or any(map(may_hold_imu, self.other_topics.values()))
-                    or TEMPERATURE_TYPES & set(self.other_topics.values())
-                    or options.gyro is not None or options.accel is not None):
-                # The files are more reliable, and may contain definitions of the other types.
-                self._list_from_files()
         self.size_bytes = sum(file.stat().st_size for file in self._files)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -61,8 +56,7 @@ class BagDirectory(Recording):
             part, size = self._opened(file), file.stat().st_size
             if part is not None:
                 with part:
-                    if any(item.name == topic
-                           for item in (*part.topics, *part.thermometers)):
+                    if topic in {item.name for item in (*part.topics, *part.thermometers)}:
                         for block, position in part.decoded(topic):
                             messages += len(block)
                             # Of a compressed file, the position is that in the unpacked one.
@@ -137,16 +131,12 @@ class BagDirectory(Recording):
 
     def _existing(self, names: list[str]) -> list[Path]:
         """Find the files by their listed names, with or without the suffix .zstd."""
-        found: list[Path] = []
-        missing: list[str] = []
-        for name in names:
-            spellings = [name, f'{name}.zstd', name.removesuffix('.zstd')]
-            file = next((path for path in (self.path / spelling for spelling in spellings)
-                         if path.is_file()), None)
-            if file is None:
-                missing.append(name)
-            else:
-                found.append(file)
+        def stored(name: str) -> Path | None:
+            spellings = name, f'{name}.zstd', name.removesuffix('.zstd')
+            return next(filter(Path.is_file, map(self.path.joinpath, spellings)), None)
+
+        found = [file for file in map(stored, names) if file is not None]
+        missing = [name for name in names if stored(name) is None]
         if missing:
             listed = ', '.join(brief(name) for name in missing[:10])
             if not found:

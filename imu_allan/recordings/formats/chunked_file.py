@@ -219,11 +219,9 @@ class ChunkedRecording(FileRecording):
         serializations: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
         for (topic, kind, encoding), numbers in groups.items():
             serialization = serializations.get(encoding)
-            if serialization is None:
+            if serialization is None or not kind:
                 self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
                                             else kind or 'no type')
-            elif not kind:
-                self.other_topics[topic] = 'no type'
             elif topic not in listed:
                 # The number of messages is unknown if the file has no counts at all.
                 count = (sum(self._counts.get(number, 0) for number in numbers)

@@ -20,16 +20,6 @@ import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import zstandard
 
-try:
-    # An order of magnitude faster, if installed.
-    from isal.isal_zlib import crc32
-except ImportError:
-    from zlib import crc32
-
-__all__ = [
-    'DamagedData', 'ReadingLimits', 'crc32', 'declared_size', 'decompress', 'decompressing',
-    'unpacked']
-
 PLAIN_BYTES, MOST_RATIO = 1 << 28, 1000
 """Any file may expand to this many bytes, plus this many times its size. Real recordings reach
 a ratio of 20."""

@@ -31,13 +31,7 @@ from imu_allan.recordings.formats.chunked_file import (
     LARGEST_DESCRIPTION,
     Part,
 )
-from imu_allan.recordings.formats.decompress import (
-    crc32,
-    DamagedData,
-    expanded,
-    ReadingLimits,
-    unpacked,
-)
+from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits, unpacked
 from imu_allan.recordings.formats.mcap_messages import gather, OPCODE_LENGTH, RECORD_HEAD
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -46,6 +40,12 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord, Footer, Schema, Statistics
 import numpy as np
+
+try:
+    # An order of magnitude faster, if installed.
+    from isal.isal_zlib import crc32
+except ImportError:
+    from zlib import crc32
 
 MAGIC = b'\x89MCAP0\r\n'
 

@@ -69,9 +69,9 @@ class TableFolder(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table; yield blocks, each with its share of the bytes of all files."""
-        with self._tables[topic].for_another_topic() as table:
-            for block, position in table.decoded(NO_TOPIC):
-                yield block, position * self.size_bytes // table.size_bytes
+        table = self._tables[topic].for_another_topic()
+        for block, position in table.decoded(NO_TOPIC):
+            yield block, position * self.size_bytes // table.size_bytes
         self.keep_remarks_of(table)
 
     def _table(self, file: Path) -> CsvRecording:

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 
 
-def _xyz(name: str, factor: float = 1.0, per: str | None = None) -> Vector:
-    return Vector((f'{name}.x', f'{name}.y', f'{name}.z'), factor, per=per)
+def _xyz(name: str, factor: float = 1.0) -> Vector:
+    return Vector((f'{name}.x', f'{name}.y', f'{name}.z'), factor)
 
 
 def _elements(name: str, per: str | None = None) -> Vector:

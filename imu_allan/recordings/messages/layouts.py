@@ -31,8 +31,6 @@ from imu_allan.recordings.messages.imu_fields import ImuFields, split_path, Vect
 import numpy as np
 from numpy.typing import NDArray
 
-Spans = tuple[tuple[int, int], ...]
-
 
 @dataclass(frozen=True)
 class Place:
@@ -61,6 +59,8 @@ class MessageLayout:
 
     Attributes
     ----------
+    size : int
+        Its length in bytes.
     byte_order : {'<', '>'}
         Little-endian or big-endian.
     places : dict of str to Place
@@ -80,19 +80,18 @@ class MessageLayout:
         self.keys: list[tuple[int, int]] = []
         self.byte_order: Literal['<', '>'] = '<'
         self._at = self._steps = 0
-        size = len(message)
+        self.size = len(message)
         if self._aligned:
-            if size < 4:
-                raise MalformedImu(f'{size} bytes are too few for a message')
+            if self.size < 4:
+                raise MalformedImu(f'{self.size} bytes are too few for a message')
             self.byte_order = byte_order_of(message)
             self.keys.append((0, 2))
             self._at = 4
         self._visit(type_name, '', 0)
         # Some middleware pads a payload to a multiple of four bytes, older ones to eight.
-        extra = size - self._at
-        if not 0 <= extra <= (7 if self._aligned else 0):
-            raise MalformedImu(f'{size} bytes are not a message of type {type_name}, which takes '
-                               f'{self._at}')
+        if not 0 <= self.size - self._at <= (7 if self._aligned else 0):
+            raise MalformedImu(f'{self.size} bytes are not a message of type {type_name}, which '
+                               f'takes {self._at}')
         # Bytes after the last requested field do not affect any position.
         end = max((place.at for place in self.places.values()), default=0)
         self.keys = [key for key in self.keys if key[0] < end]
@@ -112,10 +111,7 @@ class MessageLayout:
             name = f'{path}{field.name}'
             count = self._length() if field.count == 0 else field.count
             if not field.is_message and field.kind != 'string':
-                width = int(field.kind[1:])
-                numbers = 1 if count is None else count
-                start = self._pass_over(numbers * width, width if numbers else 1)
-                self._note(name, start, field.kind, numbers)
+                self._read(name, field.kind, 1 if count is None else count, int(field.kind[1:]))
                 continue
             for number in range(1 if count is None else count):
                 self._step()
@@ -123,12 +119,13 @@ class MessageLayout:
                 if field.is_message:
                     self._visit(field.kind, f'{element}.', depth + 1)
                 else:
-                    length = self._length()
-                    self._note(element, self._pass_over(length, 1), 'string', length)
+                    self._read(element, 'string', self._length(), 1)
 
-    def _note(self, name: str, at: int, kind: str, count: int) -> None:
+    def _read(self, name: str, kind: str, count: int, width: int) -> None:
+        """Note the place of a field of `count` numbers or characters."""
+        start = self._pass_over(count * width, width if count else 1)
         if name in self._wanted:
-            self.places[name] = Place(at, kind, count)
+            self.places[name] = Place(start, kind, count)
 
     def _step(self) -> None:
         self._steps += 1
@@ -148,8 +145,8 @@ class MessageLayout:
         if self._aligned:
             start += (4 - start) % alignment
         self._at = start + size
-        if self._at > len(self._message):
-            raise MalformedImu(f'{len(self._message)} bytes are too few for its type, which takes '
+        if self._at > self.size:
+            raise MalformedImu(f'{self.size} bytes are too few for its type, which takes '
                                f'{self._at} or more')
         return start
 
@@ -161,7 +158,7 @@ class RecordLayout:
 
     Attributes
     ----------
-    keys : tuple of (int, int)
+    keys : list of (int, int)
         Start and stop of the bytes in which messages of equal size with this layout agree.
     record : dtype
         A message as a record, with the paths of the numbers and arrays to read as names. Three
@@ -171,7 +168,7 @@ class RecordLayout:
 
     """
 
-    keys: Spans
+    keys: list[tuple[int, int]]
     record: np.dtype[np.void]
     frame_id: Place | None
 
@@ -192,9 +189,8 @@ class RecordLayouts:
         for key, layout in self._known.get(len(message), ()):
             if key == _key(message, layout):
                 return layout
-        parsed = MessageLayout(
-            self._types, self._type_name, message, self._serialization, self._wanted)
-        layout = self._described(parsed, len(message))
+        layout = self._described(MessageLayout(
+            self._types, self._type_name, message, self._serialization, self._wanted))
         most = 64   # sizes to remember, and layouts of each size
         if len(self._known) < most:
             known = self._known.setdefault(len(message), [])
@@ -234,7 +230,7 @@ class RecordLayouts:
                 break
         return found
 
-    def _described(self, parsed: MessageLayout, size: int) -> RecordLayout:
+    def _described(self, parsed: MessageLayout) -> RecordLayout:
         """Create a record type from the field positions; raise MalformedImu if one is missing."""
         for path in self._wanted - parsed.places.keys():
             raise MalformedImu(f'it has no field {path}')
@@ -257,7 +253,7 @@ class RecordLayouts:
                 fields[joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
         frame_id = self._fields.frame_id
         frame = None if frame_id is None else parsed.places[frame_id]
-        return RecordLayout(tuple(parsed.keys), record_of(fields, size), frame)
+        return RecordLayout(parsed.keys, record_of(fields, parsed.size), frame)
 
 
 def _key(message: memoryview, layout: RecordLayout) -> bytes:

@@ -1,18 +1,27 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of the blocks of a topic, ahead of their use."""
+"""
+Reading of the blocks of a topic, ahead of their use, to use a second core.
 
-from collections.abc import Callable, Iterator
+Decompression, sqlite and numpy release the interpreter lock most of the time, so one thread
+suffices, except for large recordings.
+"""
+
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
+from queue import SimpleQueue
+from threading import Event, Semaphore, Thread
+from typing import TypeVar
 
-from imu_allan.block import ImuBlock
+from imu_allan.block import ImuBlock, joined
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.formats.temporary_folder import unreadable_error
-from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.reading.reading_process import read_in_process, worth_a_process
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import NO_TOPIC
+
+Item = TypeVar('Item')
 
 
 def read_blocks(
@@ -88,3 +97,78 @@ def _with_progress(
         raise ImuAllanError(f'{printable(recording.path)}: {what}')
     if progress is not None:
         progress(recording.size_bytes)
+
+
+def read_ahead(items: Generator[Item, None, None]) -> Iterator[Item]:
+    """
+    Produce `items` in a thread, at most 16 of them ahead of the consumer.
+
+    An exception in the producer is raised in the consumer, after the items before it. The thread
+    ends with the consumer, even if that stops early.
+    """
+    ready: SimpleQueue[Item | None] = SimpleQueue()
+    room, stopped = Semaphore(15), Event()
+    failure: list[BaseException] = []
+
+    def produce() -> None:
+        try:
+            for item in items:
+                ready.put(item)
+                room.acquire()
+                if stopped.is_set():
+                    break
+        except BaseException as error:
+            failure.append(error)
+        finally:
+            # Close resources in the thread that opened them, as SQLite requires.
+            items.close()
+            ready.put(None)
+
+    # A daemon thread does not keep the program from exiting during a blocking read.
+    thread = Thread(target=produce, name='imu_allan read-ahead', daemon=True)
+    thread.start()
+    try:
+        while (item := ready.get()) is not None:
+            room.release()
+            yield item
+    finally:
+        stopped.set()
+        room.release()
+        thread.join()
+    if failure:
+        raise failure[0]
+
+
+def larger_blocks(
+    blocks: Iterator[tuple[ImuBlock, int]],
+) -> Generator[tuple[ImuBlock, int], None, None]:
+    """
+    Join consecutive blocks of one frame_id until they hold at least 2048 messages.
+
+    A chunk of a single-topic bag is that large, and is passed on without a copy. The second item
+    of each pair, the position in the file, is that of the last block joined. An exception is
+    raised after the blocks before it.
+    """
+    held: list[ImuBlock] = []
+    count = position = 0
+    try:
+        for block, at in blocks:
+            if held and held[0].frame_id != block.frame_id:
+                yield _joined(held), position
+                held, count = [], 0
+            held.append(block)
+            count += len(block)
+            position = at
+            if count >= 2048:
+                yield _joined(held), position
+                held, count = [], 0
+    except Exception:
+        if held:
+            yield _joined(held), position
+        raise
+    if held:
+        yield _joined(held), position
+
+
+def _joined(blocks: list[ImuBlock]) -> ImuBlock:
+    return joined(blocks) if len(blocks) > 1 else blocks[0]

@@ -16,7 +16,7 @@ from bags import assert_same, block, FailingRecording, joined
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
-from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
+from imu_allan.recordings.reading.read_blocks import larger_blocks, read_ahead
 from imu_allan.recordings.write import write_recording
 from processes import python
 import pytest
