@@ -33,7 +33,7 @@ class Setting:
     highest: float | None = None
     choices: Sequence[str] = ()
     may_be_empty: bool = True
-    read_only: bool = False
+    read_only: bool = True
 
     def reason_against(self, value: Any) -> str:
         """Return why `value` is refused, apart from type and range; empty if it is accepted."""
@@ -44,86 +44,72 @@ class Setting:
             return f'{self.name}: {value} is not a finite number'
         if isinstance(value, str) and not value and not self.may_be_empty:
             return f'{self.name}: must not be empty'
-        texts = [value] if isinstance(value, str) else value
         if self.choices:
-            for text in texts:
-                # ROS has no empty list as a parameter, so [''] is used instead.
-                if text not in self.choices and (text or isinstance(value, str)):
+            # ROS has no empty list as a parameter, so [''] is used instead.
+            for text in [value] if isinstance(value, str) else filter(None, value):
+                if text not in self.choices:
                     return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
         return ''
 
 
 CHARACTERIZATION = (
     Setting('publish_period', 10.0, 'Shortest time between fits and publications, in seconds',
-            0.5, 86_400.0),
+            0.5, 86_400.0, read_only=False),
     Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. '
-            'Every run gets its own folder in it', may_be_empty=False, read_only=True),
+            'Every run gets its own folder in it', may_be_empty=False),
     Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
-            'every restart; the default resumes only after a crash; empty keeps nothing',
-            read_only=True),
+            'every restart; the default resumes only after a crash; empty keeps nothing'),
     Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash '
-            'can lose', 1.0, 86_400.0),
+            'can lose', 1.0, 86_400.0, read_only=False),
     Setting('motion', 'exclude', 'What to do with knocks and motion',
-            choices=('exclude', 'keep'), read_only=True),
+            choices=('exclude', 'keep')),
     Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
-            'unusable', choices=('auto', 'header', 'receive'), read_only=True),
+            'unusable', choices=('auto', 'header', 'receive')),
     Setting('expected_rate', 0.0, 'Rate of the IMU in Hz: sets the queue size, and a '
-            'different measured rate is reported; 0 is unknown', 0.0, 100_000.0,
-            read_only=True),
+            'different measured rate is reported; 0 is unknown', 0.0, 100_000.0),
     Setting('gap_tolerance', 5, 'Most missing samples in a row that are interpolated; a '
-            'longer gap begins a new segment', 0, 1000, read_only=True),
+            'longer gap begins a new segment', 0, 1000),
     Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] "
-            'writes none', choices=tuple(CONSUMERS)),
+            'writes none', choices=tuple(CONSUMERS), read_only=False),
     Setting('aiding_interval', 0.1, 'Seconds between corrections of the filter, for '
-            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0,
-            read_only=True),
-    Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
-            86_400.0, read_only=True),
+            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
+    Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01, 86_400.0),
     Setting('temperature_topic', '', "Topic (sensor_msgs/Temperature) of the IMU's "
-            "thermometer; empty finds the only one in the IMU's namespace", read_only=True),
+            "thermometer; empty finds the only one in the IMU's namespace"),
     Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that contains an '
-            "Imu, or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False,
-            read_only=True),
+            "Imu, or a driver's own, such as px4_msgs/msg/SensorCombined", may_be_empty=False),
     Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
-            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it',
-            read_only=True),
+            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it'),
     Setting('accel_field', '', 'Field of the messages that holds the acceleration and its '
-            'unit; empty finds it', read_only=True),
+            'unit; empty finds it'),
     Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if '
-            'it is a number (t us); empty finds it', read_only=True),
-    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
-            read_only=True),
+            'it is a number (t us); empty finds it'),
+    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s'),
     Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
-            'its magnitude at rest is near 1', read_only=True),
+            'its magnitude at rest is near 1'),
     Setting('gyro_topic', '', 'Topic of the gyroscope, for an IMU on two topics; empty takes '
-            'both sensors from imu/data_raw', read_only=True),
-    Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics',
-            read_only=True),
+            'both sensors from imu/data_raw'),
+    Setting('accel_topic', '', 'Topic of the accelerometer, for an IMU on two topics'),
     Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
-            'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type',
-            read_only=True),
-    Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none',
-            read_only=True),
+            'px4_msgs/msg/SensorAccel, if other than imu_type; empty is imu_type'),
+    Setting('spec_file', '', 'Datasheet (YAML) to check the IMU against; empty is none'),
     Setting('reference', '', 'Earlier result file of the same IMU; a difference from it is '
-            'reported; empty is none', read_only=True),
+            'reported; empty is none'),
 )
 """Parameters of `imu_allan_node`."""
 
 SIMULATOR = (
-    Setting('model', 'consumer_mems',
-            'Noise model: a YAML file, or the name of one that the package ships in config/',
-            may_be_empty=False, read_only=True),
-    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
-            read_only=True),
+    Setting('model', 'consumer_mems', 'Noise model: a YAML file, or the name of one that the '
+            'package ships in config/', may_be_empty=False),
+    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0),
     Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
-            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
-    Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never',
-            0.0, 1e9, read_only=True),
+            'subscriptions that keep all take the samples', 0.0, 1e6),
+    Setting('duration', 0.0, 'Simulated seconds until the node ends; 0 means never', 0.0, 1e9),
     Setting('seed', 0, 'Seed of the random numbers: the same seed gives the same noise', 0,
-            2**31 - 1, read_only=True),
-    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+            2**31 - 1),
+    Setting('frame_id', 'imu_link', 'header.frame_id of the messages'),
     Setting('wait_for_subscriptions', 0, 'Publish nothing before this many subscriptions '
-            'are matched', 0, 100, read_only=True),
+            'are matched', 0, 100),
 )
 """Parameters of `imu_simulator`."""
 
@@ -136,17 +122,3 @@ def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
         named = f'{parameter} {path}'.lstrip()
         raise ImuAllanError(f'{named}: this user has no home folder; write the path without ~'
                             ) from error
-
-
-def refused(args: Sequence[str]) -> str:
-    """Return what is wrong with arguments that are not for ROS and would have no effect."""
-    of_ros = False
-    for argument in args:
-        if of_ros or argument == '--ros-args':
-            # "--" ends the ROS arguments.
-            of_ros = argument != '--'
-            continue
-        name, sign, value = argument.lstrip('-').partition('=')
-        example = f'{name.rstrip(":")}:={value}' if name and sign else 'NAME:=VALUE'
-        return f'{argument!r} is no argument; give parameters as --ros-args -p {example}'
-    return ''

@@ -21,23 +21,24 @@ class OutputTopics:
     """All publishers of the node."""
 
     def __init__(self, node: Node) -> None:
-        def latched(kind: type, topic: str) -> Publisher:
-            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+        latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                              durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            return node.create_publisher(kind, f'~/{topic}', qos,
-                                         event_callbacks=_no_events())
+        # Every event handler adds to the cost of each wake-up of the executor.
+        no_events = PublisherEventCallbacks(use_default_callbacks=False)
+
+        def publisher(kind: type, topic: str, qos: QoSProfile | int = latched) -> Publisher:
+            return node.create_publisher(kind, topic, qos, event_callbacks=no_events)
 
         of_sensor = {**dict.fromkeys(VECTORS, Vector3Stamped),
                      'allan_deviation': Float64MultiArray}
         kinds = {'result': String, 'coefficients': DiagnosticArray,
                  **{f'{sensor}/{topic}': kind for sensor in SENSORS
                     for topic, kind in of_sensor.items()}}
-        self._of_result = {topic: latched(kind, topic) for topic, kind in kinds.items()}
+        self._of_result = {topic: publisher(kind, f'~/{topic}') for topic, kind in kinds.items()}
         self._published: Mapping[str, Any] = {}
         self._volatile = dict.fromkeys(self._of_result, 0)
-        self.plot = latched(CompressedImage, 'plot/compressed')
-        self.diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10,
-                                                 event_callbacks=_no_events())
+        self.plot = publisher(CompressedImage, '~/plot/compressed')
+        self.diagnostics = publisher(DiagnosticArray, '/diagnostics', 10)
         self._node = node
 
     def publish(self, by_topic: Mapping[str, Any]) -> None:
@@ -58,8 +59,3 @@ class OutputTopics:
             if volatile > self._volatile[topic] and topic in self._published:
                 publisher.publish(self._published[topic])
             self._volatile[topic] = volatile
-
-
-def _no_events() -> PublisherEventCallbacks:
-    # Every event handler adds to the cost of each wake-up of the executor.
-    return PublisherEventCallbacks(use_default_callbacks=False)

@@ -39,14 +39,11 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     for setting in settings:
         default = setting.default
         value = list(default) if isinstance(default, tuple) else default
+        expected = f'parameter {setting.name}: expected {_kind(default)}'
         try:
             declared = node.declare_parameter(setting.name, value, _descriptor(setting)).value
-            # An empty list on a command line has no type, so ROS gives None.
-            values[setting.name] = [] if declared is None else declared
-            if declared is None and not isinstance(value, list):
-                raise ImuAllanError(f'parameter {setting.name}: expected {_kind(default)}')
         except InvalidParameterTypeException as error:
-            raise ImuAllanError(f'parameter {setting.name}: expected {_kind(default)}') from error
+            raise ImuAllanError(expected) from error
         except InvalidParameterValueException as error:
             reason = str(error).partition('Reason: ')[2] or str(error)
             if 'out of range' in reason:
@@ -54,15 +51,18 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
             # rclpy appends the name to the reason once more.
             reason = reason.removesuffix(f': {setting.name}').removeprefix(f'{setting.name}: ')
             raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
+        if declared is None and not isinstance(value, list):
+            raise ImuAllanError(expected)
+        # An empty list on a command line has no type, so ROS gives None.
+        values[setting.name] = [] if declared is None else declared
     node.add_post_set_parameters_callback(apply)
     return values
 
 
 def warn_of_unknown(node: Node) -> None:
     """Warn of parameters that were given to the node but that it does not have."""
-    given = given_parameters(node)
     names = list(node.list_parameters([], 0).names)
-    for name in given:
+    for name in given_parameters(node):
         if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
             close = difflib.get_close_matches(name, names, 1)
             hint = f', did you mean {close[0]}?' if close else ''
@@ -80,10 +80,9 @@ def _descriptor(setting: Setting) -> ParameterDescriptor:
         name=setting.name, description=setting.description, read_only=setting.read_only,
         additional_constraints=f'one of: {", ".join(setting.choices)}' if setting.choices else '')
     if setting.lowest is not None and setting.highest is not None:
+        limits = {'from_value': setting.lowest, 'to_value': setting.highest}
         if isinstance(setting.default, float):
-            descriptor.floating_point_range = [FloatingPointRange(
-                from_value=float(setting.lowest), to_value=float(setting.highest))]
+            descriptor.floating_point_range = [FloatingPointRange(**limits)]
         else:
-            descriptor.integer_range = [IntegerRange(
-                from_value=int(setting.lowest), to_value=int(setting.highest))]
+            descriptor.integer_range = [IntegerRange(**limits)]
     return descriptor

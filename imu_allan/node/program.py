@@ -12,7 +12,6 @@ import signal
 import sys
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import refused
 
 
 class StopRequest:
@@ -34,7 +33,7 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
               'its parameters: ros2 param list NODE, ros2 param describe NODE NAME',
               'all of them are described in docs/ros_interface.md', sep='\n')
         return 0
-    if wrong := refused(given):
+    if wrong := _refused(given):
         _fail(program, wrong)
         return 2
     stop = StopRequest()
@@ -58,6 +57,20 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
         return _fail(program, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
                      'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install '
                      "the wheels: pip install 'imu_allan[ros]'")
+
+
+def _refused(args: Sequence[str]) -> str:
+    """Return what is wrong with arguments that are not for ROS and would have no effect."""
+    of_ros = False
+    for argument in args:
+        if of_ros or argument == '--ros-args':
+            # "--" ends the ROS arguments.
+            of_ros = argument != '--'
+            continue
+        name, sign, value = argument.lstrip('-').partition('=')
+        example = f'{name.rstrip(":")}:={value}' if name and sign else 'NAME:=VALUE'
+        return f'{argument!r} is no argument; give parameters as --ros-args -p {example}'
+    return ''
 
 
 def _do_without_shared_memory(program: str) -> None:
