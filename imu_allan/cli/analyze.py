@@ -12,13 +12,8 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli import arguments
 from imu_allan.cli.fleet import FleetResults, raise_last
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import (
-    add_recording_options,
-    add_timeline_options,
-    choice_of,
-)
-from imu_allan.cli.tasks import Task
-from imu_allan.cli.workers import executor, in_order
+from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
+from imu_allan.cli.workers import executor, in_order, Task
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import raise_if_interrupted
 from imu_allan.writers.atomic import RESULT

@@ -51,8 +51,7 @@ def register(verbs: Any) -> None:
                         help='factors on top of the numbers; they are written into the file')
     parser.add_argument('-o', '--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
-    parser.set_defaults(run=run, inputs=('result', 'spec'),
-                        outputs={'output': CONFIGURATION})
+    parser.set_defaults(run=run, inputs=('result', 'spec'), outputs={'output': CONFIGURATION})
 
 
 def run(args: argparse.Namespace) -> int:

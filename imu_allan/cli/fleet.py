@@ -9,7 +9,7 @@ import sys
 import traceback
 from typing import TYPE_CHECKING
 
-from imu_allan.cli.tasks import Task
+from imu_allan.cli.workers import Task
 from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
@@ -62,11 +62,10 @@ class FleetResults:
         fleet = Fleet(self._results, tuple(Failure(*failure) for failure in self._failures),
                       folders=True)
         console = console_of()
-        console.print()
-        console.print(population_table(fleet, console.width))
+        console.print('', population_table(fleet, console.width), sep='\n')
         if self._output is not None:
             paths = save_fleet(fleet, self._output)
-            names = ', '.join(reversed([path.name for path in paths]))
+            names = ', '.join(path.name for path in reversed(paths))
             print_wrapped(f'Written to {printable(str(self._output))}: {names}; a folder for each '
                           'unit')
 

@@ -168,8 +168,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
     from imu_allan.wording import clock_of, counted, duration, is_table, named
 
     timeline, table = summary.timeline, is_table(topic)
-    counts, cut = summary.counts, summary.motion.cut
-    stamp = 'time' if table else 'header stamp'
+    counts, stamp = summary.counts, 'time' if table else 'header stamp'
     rows = [] if table else [('frame_id', summary.frame_id or '(empty)')]
     if summary.start_time is not None:
         rows.append(('start', summary.start_time))
@@ -198,14 +197,14 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool
         ('clock jump', counts.clock_jumps)) if number]
     rows.append(('faults', ', '.join(found) or 'none'))
     listed = 5
-    for name, spans, count, total in (
-            ('gaps', timeline.gaps, counts.gaps, counts.gaps_ns / 1e9),
-            ('motion', timeline.motion, cut.count, cut.total_s)):
+    for name, spans, total in zip(('gaps', 'motion'), (timeline.gaps, timeline.motion),
+                                  timeline.totals, strict=True):
         if spans:
             where = ', '.join(f'{duration(span.duration_s)} at {duration(span.start_s)}'
                               for span in spans[:listed])
-            more = f' and {count - listed} more' if count > listed else ''
-            rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
+            more = f' and {total.count - listed} more' if total.count > listed else ''
+            rows.append((name, f'{total.count}, {duration(total.duration_s)} in all: '
+                         f'{where}{more}'))
     # Nothing is excluded here, and motion has a row of its own.
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks
                 if remark.code != 'motion')

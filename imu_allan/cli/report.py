@@ -3,7 +3,11 @@
 """Draw plots and a report from one or more result files."""
 
 import argparse
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from imu_allan.result import Result
 
 
 def register(verbs: Any) -> None:
@@ -26,36 +30,34 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
+    from imu_allan.fleet.names import unit_names
     from imu_allan.writers import folder
     from imu_allan.writers.atomic import write_files
     from imu_allan.writers.result_file import load_result
 
     results = [load_result(path) for path in args.results]
     if len(results) == 1:
-        files = folder.report_files(results[0], args.format)
+        paths = write_files(args.output, folder.report_files(results[0], args.format))
     else:
-        from imu_allan.fleet.names import unit_names
-        from imu_allan.writers.comparison import compare, difference_table, verdicts
-        from imu_allan.writers.terminal import console_of, wrapped
-
         named = dict(zip(unit_names(args.results), results, strict=True))
-        files = folder.comparison_files(named, args.format)
-    paths = write_files(args.output, files)
-    if len(results) > 1:
-        console = console_of()
-        if len(named) > folder.MOST_COMPARED:
-            from imu_allan.writers.fleet import Fleet, population_table
-
-            console.print(population_table(Fleet(named), console.width))
-        else:
-            differences = compare(named)
-            for line in wrapped(verdicts(differences), console.width):
-                console.print(line)
-            console.print()
-            console.print(difference_table(differences))
-    for path in paths:
-        print(path)
+        paths = write_files(args.output, folder.comparison_files(named, args.format))
+        _print_comparison(named, in_detail=len(named) <= folder.MOST_COMPARED)
+    print(*paths, sep='\n')
     return 0
+
+
+def _print_comparison(results: 'Mapping[str, Result]', *, in_detail: bool) -> None:
+    from imu_allan.writers.comparison import compare, difference_table, verdicts
+    from imu_allan.writers.fleet import Fleet, population_table
+    from imu_allan.writers.terminal import console_of, wrapped
+
+    console = console_of()
+    if in_detail:
+        differences = compare(results)
+        console.print(*wrapped(verdicts(differences), console.width), '',
+                      difference_table(differences), sep='\n')
+    else:
+        console.print(population_table(Fleet(results), console.width))
 
 
 def _formats(text: str) -> tuple[str, ...]:

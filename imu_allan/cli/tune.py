@@ -45,8 +45,7 @@ def register(verbs: Any) -> None:
     add_recording_options(parser)
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, inputs=('result', 'verify'),
-                        outputs={'json': TUNING})
+    parser.set_defaults(run=run, inputs=('result', 'verify'), outputs={'json': TUNING})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,15 +60,13 @@ def run(args: argparse.Namespace) -> int:
                             's: a filter is unaided for at least one interval')
     result = load_result(args.result)
     console = console_of()
-    console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias))
-    console.print()
-    console.print(tuning_table.forecast_table(result))
-    for line in wrapped(tuning_table.sentences(result, args.coast), console.width):
-        console.print(line)
+    console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias), '',
+                  tuning_table.forecast_table(result),
+                  *wrapped(tuning_table.sentences(result, args.coast), console.width), sep='\n')
     tested = {} if args.verify is None else _tested(args, tuning_table.known_axes(result))
     if tested:
-        console.print()
-        console.print(tuning_table.field_test_table(tested, printable(args.verify), args.bias))
+        console.print('', tuning_table.field_test_table(
+            tested, printable(args.verify), args.bias), sep='\n')
     sys.stdout.flush()
     if args.json is not None:
         document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Work on several recordings in this process, in others of this machine, or on a Dask cluster.
+Make results of recordings, in this process, in others of this machine, or on a Dask cluster.
 
 The processes are not those of `concurrent.futures`, which import from the current folder first.
 That folder may be a recording from somebody else. Moreover, if one of those processes is killed
@@ -9,28 +9,91 @@ for lack of memory, the results of all others are lost.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 import os
+from pathlib import Path
 import pickle
 import subprocess
 import sys
 import threading
 from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
 
-from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fast_startup import start_quickly
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 
 if TYPE_CHECKING:
     from distributed import Client
+    from imu_allan.analysis import Choice
     from imu_allan.result import Result
 
 T = TypeVar('T')
 Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
+
+
+@dataclass(frozen=True)
+class Task:
+    """
+    One result to be made.
+
+    Attributes
+    ----------
+    paths : tuple of str
+        The recording; several of one IMU give one joint result.
+    choice : Choice
+        Which part of it is used, and how it is read.
+    size_bytes : int
+        Size of the recording, for progress.
+    folder : Path or None
+        Where to write the result.
+    unit : str
+        Name of the recording among others.
+    inspection : mapping of str to str
+        What the result states about the unit.
+    exports : tuple of str
+        Consumers whose configurations are written into the folder.
+
+    """
+
+    paths: tuple[str, ...]
+    choice: 'Choice'
+    size_bytes: int
+    folder: Path | None
+    unit: str
+    inspection: Mapping[str, str]
+    exports: tuple[str, ...]
+
+    @property
+    def path(self) -> str:
+        """Return the recording, or all of them."""
+        return ' + '.join(self.paths)
+
+
+def characterize(task: Task, progress: Callable[[int], None] | None = None
+                 ) -> 'tuple[Result, ImuAllanError | None]':
+    """
+    Make the result of a task and write its folder, so that workers write their folders themselves.
+
+    Return the result, and the error if the folder could not be written.
+    """
+    from imu_allan.analysis import analyzed
+    from imu_allan.result import Inspection
+
+    result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice,
+                      progress)
+    if task.inspection:
+        result = replace(result, inspection=Inspection(**task.inspection))
+    if task.folder is not None:
+        from imu_allan.writers.folder import save_folder
+        try:
+            save_folder(result, task.folder, task.exports)
+        except ImuAllanError as error:
+            return result, error
+    return result, None
 
 
 @contextmanager
