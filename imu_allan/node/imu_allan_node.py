@@ -4,18 +4,13 @@
 
 from collections.abc import Sequence
 
-from imu_allan.interruption import quiet_interrupt
+from imu_allan.node.program import run_program
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until it is asked to stop; save and return the exit status."""
-    # End quietly on an interrupt until the node handles signals itself.
-    with quiet_interrupt():
-        from imu_allan.fast_startup import start_quickly
-        start_quickly()
-        from imu_allan.node.program import run_program
-        return run_program(
-            'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode', args)
+    return run_program(
+        'imu_allan_node', 'imu_allan.node.characterization_node.CharacterizationNode', args)
 
 
 if __name__ == '__main__':
