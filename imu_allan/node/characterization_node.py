@@ -19,10 +19,9 @@ from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.change_of_run import Runs
 from imu_allan.node.fitting import Fitting
-from imu_allan.node.interface import CHARACTERIZATION, TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.output_topics import OutputTopics
-from imu_allan.node.parameters import declare, warn_of_unknown
+from imu_allan.node.parameters import CHARACTERIZATION, declare, TOPIC, warn_of_unknown
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
 from imu_allan.node.reception import QUEUE_MESSAGES, Reception

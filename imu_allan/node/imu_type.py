@@ -64,23 +64,22 @@ def _field(name: str, kind: str) -> Field:
     return field_of(name, normal_name(element), 0 if kind.startswith('sequence') else count)
 
 
-def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
-            gyro_unit: str = '', accel_unit: str = '') -> Decode:
-    """Return a function that decodes messages of a type."""
-    if type_name == IMU_TYPE and not (gyro or accel or stamp or gyro_unit or accel_unit):
+def decoder(type_name: str, **options: str) -> Decode:
+    """Return a function that decodes messages of a type by `RecordingOptions`; none if empty."""
+    given: dict[str, Any] = {name: text for name, text in options.items() if text}
+    if type_name == IMU_TYPE and not given:
         return blocks_from_messages
     # Imported late: most nodes read sensor_msgs/Imu and do not need these.
     from imu_allan.recordings.messages.imus_in import imu_messages
     from imu_allan.recordings.options import RecordingOptions
-    options = {'--gyro unit': 'gyro_unit', '--accel unit': 'accel_unit', '--gyro': 'gyro_field',
-               '--accel': 'accel_field', '--stamp': 'stamp_field'}
     try:
-        decode = imu_messages(type_name, types_of(type_name), options=RecordingOptions(
-            gyro=gyro or None, accel=accel or None, stamp=stamp or None,
-            gyro_unit=gyro_unit or None, accel_unit=accel_unit or None)).decoder()
+        decode = imu_messages(type_name, types_of(type_name),
+                              options=RecordingOptions(**given)).decoder()
     except ImuAllanError as error:
         text = str(error)
-        for option, parameter in options.items():
+        for option, parameter in (
+                ('--gyro unit', 'gyro_unit'), ('--accel unit', 'accel_unit'),
+                ('--gyro', 'gyro_field'), ('--accel', 'accel_field'), ('--stamp', 'stamp_field')):
             text = text.replace(option, parameter)
         raise ImuAllanError(text) from error
 

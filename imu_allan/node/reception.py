@@ -14,9 +14,9 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.facts import Facts
 from imu_allan.node.imu_type import Decode, decoder, message_class
-from imu_allan.node.interface import TOPIC
 from imu_allan.node.log import Log
 from imu_allan.node.log_of_changes import LogOfChanges
+from imu_allan.node.parameters import TOPIC
 from imu_allan.node.sequence_numbers import Publishers
 from imu_allan.wording import counted
 import numpy as np
@@ -128,10 +128,10 @@ class Reception:
 def _decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decode:
     """Return the decoder that the parameters ask for, or name the one that is wrong."""
     # Fields of the other sensor are not in these messages.
-    fields = [values[f'{part}_field'] if half is None or part in (half, 'stamp') else ''
-              for part in ('gyro', 'accel', 'stamp')]
+    fields = {part: values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')
+              if half is None or part in (half, 'stamp')}
     try:
-        return decoder(values[parameter], *fields, gyro_unit=values['gyro_unit'],
+        return decoder(values[parameter], **fields, gyro_unit=values['gyro_unit'],
                        accel_unit=values['accel_unit'])
     except ImuAllanError as error:
         # One of a field or unit begins with the name of its own parameter.

@@ -8,8 +8,7 @@ import time
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import SIMULATOR, TOPIC
-from imu_allan.node.parameters import declare, warn_of_unknown
+from imu_allan.node.parameters import declare, SIMULATOR, TOPIC, warn_of_unknown
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.sensor.noise_model import find_model, load_model
@@ -49,12 +48,10 @@ class SimulatorNode(Node):
         self._start_ns = 0
         self._next = 0
 
-        if self._speed == 0:
-            # Only a KEEP_ALL writer waits for readers that are behind.
-            qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0,
-                             reliability=ReliabilityPolicy.RELIABLE)
-        else:
-            qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+        # Only a KEEP_ALL writer waits for readers that are behind.
+        qos = QoSProfile(
+            depth=1000, reliability=ReliabilityPolicy.RELIABLE,
+            history=HistoryPolicy.KEEP_LAST if self._speed else HistoryPolicy.KEEP_ALL)
         self._publisher = self.create_publisher(
             Imu, TOPIC, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies())
 

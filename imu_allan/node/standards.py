@@ -11,10 +11,10 @@ from imu_allan.datasheet import check, Verdict
 from imu_allan.datasheet.live import check_state, CheckState, next_look
 from imu_allan.datasheet.measured import zero_bias
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import at_home
+from imu_allan.node.parameters import at_home
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import summary
@@ -107,9 +107,7 @@ def _against_reference(result: Result, reference: Result) -> Comparison:
     shared = [axis for axis in AXES if axis in result.axes and axis in reference.axes]
     if not shared:
         return Comparison('reference', 'warn', 'cannot tell: the reference has none of these axes')
-    departures = [text for axis in shared for text in (
-        *_density_departure(axis, result.axes[axis], reference.axes[axis]),
-        *_bias_departure(axis, result, reference))]
+    departures = [text for axis in shared for text in _departures(axis, result, reference)]
     if departures:
         return Comparison('reference', 'warn', '; '.join(departures))
     compared = sum(result.axes[axis].coefficients['noise_density'].ci95 is not None
@@ -120,23 +118,19 @@ def _against_reference(result: Result, reference: Result) -> Comparison:
                       f'{counted(compared, "axis", "axes")}')
 
 
-def _density_departure(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
+def _departures(name: str, result: Result, reference: Result) -> Iterator[str]:
+    """Yield what of an axis differs from the reference by more than both are uncertain."""
+    now, before = result.axes[name], reference.axes[name]
     a, b = now.coefficients['noise_density'], before.coefficients['noise_density']
-    if a.ci95 is None or b.ci95 is None or a.value is None or b.value is None:
-        return
-    if a.ci95[0] > b.ci95[1] or a.ci95[1] < b.ci95[0]:
+    if (a.value is not None and b.value is not None and a.ci95 and b.ci95
+            and (a.ci95[0] > b.ci95[1] or a.ci95[1] < b.ci95[0])):
         yield (f'{name}: noise density {number(a.value)} {a.unit}, '
                f'{number(b.value)} in the reference')
-
-
-def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[str]:
     # The reading of an accelerometer at rest depends on its orientation.
-    now, before = result.axes[name].mean, reference.axes[name].mean
-    if not name.startswith('gyro') or now is None or before is None:
+    if not name.startswith('gyro') or now.mean is None or before.mean is None:
         return
-    apart = zero_bias(result, name, before), zero_bias(reference, name, now)
+    apart = zero_bias(result, name, before.mean), zero_bias(reference, name, now.mean)
     errors = [found.ci95[1] - found.value for found in apart
               if found.ci95 is not None and found.value is not None]
-    if len(errors) == len(apart) and abs(now - before) > sum(errors):
-        yield (f'{name}: bias {number(now)} {result.axes[name].unit}, '
-               f'{number(before)} in the reference')
+    if len(errors) == len(apart) and abs(now.mean - before.mean) > sum(errors):
+        yield f'{name}: bias {number(now.mean)} {now.unit}, {number(before.mean)} in the reference'

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import at_home
+from imu_allan.node.parameters import at_home
 from imu_allan.state import State
 from imu_allan.writers.atomic import resolved, write_atomically
 import numpy as np

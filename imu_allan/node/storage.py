@@ -15,8 +15,8 @@ from typing import Any
 from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.facts import Facts
-from imu_allan.node.interface import at_home, DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
+from imu_allan.node.parameters import at_home, DEFAULT_STATE_FILE
 from imu_allan.node.run import new_run, pack, Run, Setup, unpack
 from imu_allan.node.state_file import StateFile, UnusableState
 from imu_allan.node.worker import TooEarly, Worker
@@ -154,8 +154,8 @@ class Storage:
 
     def try_output(self) -> None:
         """Start a check of the output folder, to report faults early and not only at the end."""
-        folder = self._values['output_dir']
-        self._worker.start('output_dir', lambda: try_folder(folder), lambda _: None)
+        self._worker.start('output_dir', lambda: try_folder(self._values['output_dir']),
+                           lambda _: None)
 
     def save(self, run: Run, picture: bool = True) -> 'Future[list[Path]]':
         """Start writing result, curves, plot and configurations."""

@@ -8,7 +8,7 @@ import re
 import subprocess
 from xml.etree import ElementTree
 
-from imu_allan.node.interface import CHARACTERIZATION, SIMULATOR
+from imu_allan.node.parameters import CHARACTERIZATION, SIMULATOR
 from processes import python
 import pytest
 from rclpy.node import Node
