@@ -114,13 +114,12 @@ def measure(rate: float, seconds: float, hours: float) -> dict[str, float]:
 
 def write_state(path: str, rate: float, hours: float) -> None:
     """Write the state file of a node that has heard this publisher for so long."""
-    from imu_allan.characterization import Characterization
-    from imu_allan.node.run import Lane, pack, Run, Setup
+    from imu_allan.node.run import new_run, pack, Setup
     from imu_allan.node.state_file import StateFile
     from imu_allan.timeline import TimelineOptions
 
     setup = Setup('/imu/data_raw', TimelineOptions())
-    run = Run(Lane(Characterization(kind='topic', topic=setup.topic, options=setup.options)))
+    run = new_run(setup)
     random_numbers = np.random.default_rng(2)
     for number in range(-round(hours * 3600 * rate / BLOCK), 0):
         run.lanes[0].update([block_of(number, rate, random_numbers)])

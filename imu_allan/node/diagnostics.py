@@ -68,16 +68,19 @@ def diagnostics_message(node_name: str, stamp: Time,
     return array
 
 
-def waiting_for(result: Result) -> tuple[str, str, float] | None:
-    """Return axis, term and seconds of the coefficient that should become observable next."""
-    waits = [(coefficient.observable_in_s, name, key)
-             for name, axis in result.axes.items()
-             for key, coefficient in axis.coefficients.items()
-             if not coefficient.observable and coefficient.observable_in_s is not None]
-    if not waits:
-        return None
-    seconds, name, key = min(waits)
-    return name, key, seconds
+def waiting_for(result: Result) -> tuple[float, str, str] | None:
+    """Return seconds, axis and term of the coefficient that should become observable next."""
+    return min(((coefficient.observable_in_s, name, key)
+                for name, axis in result.axes.items()
+                for key, coefficient in axis.coefficients.items()
+                if not coefficient.observable and coefficient.observable_in_s is not None),
+               default=None)
+
+
+def observable_axes(result: Result) -> dict[str, int]:
+    """Return on how many axes each term is observable."""
+    return {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
+            for key in TERMS}
 
 
 def _worst(conditions: Sequence[Condition], otherwise: str) -> tuple[bytes, str]:
@@ -193,28 +196,26 @@ def unusable(summary: TimelineSummary) -> int:
 
 
 def _timeline(facts: Facts, summary: TimelineSummary) -> Status:
-    samples, counts, motion = summary.timeline.samples, summary.counts, summary.motion
-    known = {**vars(summary), **vars(summary.timeline), **vars(counts),
-             'rate_hz': summary.measured_rate_hz, 'longest_gap_s': counts.longest_gap_ns / 1e9,
-             'header_repeats': counts.header.repeats, 'header_backward': counts.header.backward,
-             'moving': motion.moving, 'motion_excluded_s': motion.cut.total_s,
-             'rest_s': summary.timeline.rest_s,
-             'expected_rate_hz': facts.expected_rate or None}
-    return *_worst(timeline_conditions(facts, summary), 'no samples yet' if not samples else
-                   f'{counted(samples, "sample")} at {_rate(summary) or 0:.5g} Hz'), {
-        key: known[key] for key in (
-            'rate_hz', 'jitter_s', 'clock', 'frame_id', 'samples', 'duration_s', 'missing',
-            'interpolated', 'gaps', 'longest_gap_s', 'duplicates', 'out_of_order', 'rejected',
-            'clock_jumps', 'header_repeats', 'moving', 'header_backward', 'motion_excluded_s',
-            'rest_s', 'expected_rate_hz')}
+    timeline, counts, motion = summary.timeline, summary.counts, summary.motion
+    otherwise = ('no samples yet' if not timeline.samples else
+                 f'{counted(timeline.samples, "sample")} at {_rate(summary) or 0:.5g} Hz')
+    return *_worst(timeline_conditions(facts, summary), otherwise), {
+        'rate_hz': summary.measured_rate_hz, 'jitter_s': summary.jitter_s, 'clock': summary.clock,
+        'frame_id': summary.frame_id, 'samples': counts.samples, 'duration_s': timeline.duration_s,
+        'missing': counts.missing, 'interpolated': counts.interpolated, 'gaps': counts.gaps,
+        'longest_gap_s': counts.longest_gap_ns / 1e9, 'duplicates': counts.duplicates,
+        'out_of_order': counts.out_of_order, 'rejected': counts.rejected,
+        'clock_jumps': counts.clock_jumps, 'header_repeats': counts.header.repeats,
+        'moving': motion.moving, 'header_backward': counts.header.backward,
+        'motion_excluded_s': motion.cut.total_s, 'rest_s': timeline.rest_s,
+        'expected_rate_hz': facts.expected_rate or None}
 
 
 def _estimation(facts: Facts, result: Result | None) -> Status:
     values: dict[str, object] = {'fit_duration_s': facts.fit_s}
     level, message = OK, 'no result yet'
     if result is not None:
-        observable = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
-                      for key in TERMS}
+        observable = observable_axes(result)
         values |= {'fitted_duration_s': result.timeline.duration_s,
                    **{f'observable/{key}': count for key, count in observable.items()},
                    **remark_values(result.warnings)}
@@ -223,7 +224,7 @@ def _estimation(facts: Facts, result: Result | None) -> Status:
         bad = [message_of(remark, live=True) for remark in result.warnings
                if remark.severity == 'act' and remark.code not in _PASSED]
         if following is not None:
-            axis, key, seconds = following
+            seconds, axis, key = following
             values |= {'next_observable': f'{axis} {key}', 'next_observable_in_s': seconds}
             message = (f'{key.replace("_", " ")} of {spoken(axis)} expected to be observable in '
                        f'{duration(seconds)}')

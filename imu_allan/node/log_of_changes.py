@@ -12,6 +12,7 @@ from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, message_of, title_of
 from imu_allan.node.diagnostics import (
     Condition,
+    observable_axes,
     reception_conditions,
     SILENT_S,
     timeline_conditions,
@@ -20,7 +21,6 @@ from imu_allan.node.diagnostics import (
 )
 from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
-from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result, Timeline
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, measured, spoken
@@ -35,8 +35,8 @@ class LogOfChanges:
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
         self._topic = topic
-        # Conditions that are present, by where they are seen and by name.
-        self._present: dict[str, dict[str, Condition]] = {}
+        # Names of the conditions that are present, by where they are seen.
+        self._present: dict[str, set[str]] = {'reception': set()}
         # Names of those whose beginning was reported, each with the text for its end.
         self._reported: dict[str, str] = {}
         self._overrun = False
@@ -50,7 +50,7 @@ class LogOfChanges:
         self.began: float | None = None
         # Time of the last progress line, since then.
         self._progress_s = 0.0
-        self._present = {'reception': self._present.get('reception', {})}
+        self._present = {'reception': self._present['reception']}
         self._reported = {name: over for name, over in self._reported.items()
                           if name in self._present['reception']}
         self._observable: set[tuple[str, str]] = set()
@@ -69,8 +69,8 @@ class LogOfChanges:
 
     def _see(self, where: str, conditions: Iterable[Condition]) -> None:
         """Report conditions that begin, and the end of those whose beginning was reported."""
-        seen = self._present[where] = {
-            one.name: one for one in conditions if one.present and one.over is not None}
+        seen = {one.name: one for one in conditions if one.present and one.over is not None}
+        self._present[where] = {*seen}
         present = set().union(*self._present.values())
         for name in [name for name in self._reported if name not in present]:
             if over := self._reported.pop(name):
@@ -155,15 +155,14 @@ def progress_line(result: Result, timeline: Timeline, *, comes: bool = True) -> 
     """Describe the samples, what is observable and, while messages come, what is expected next."""
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
     used = f', {duration(timeline.rest_s)} of it at rest' if timeline.motion else ''
-    counts = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
-              for key in TERMS}
-    shown = [f'{key.replace("_", " ")} of {count}' for key, count in counts.items() if count]
+    shown = [f'{key.replace("_", " ")} of {count}'
+             for key, count in observable_axes(result).items() if count]
     text = (f'{counted(timeline.samples, "sample")}{rate} in {duration(timeline.duration_s)}'
             f'{used}; observable of {counted(len(result.axes), "axis", "axes")}: '
             f'{", ".join(shown) or "nothing yet"}')
     following = waiting_for(result)
     if following is None or not comes:
         return text
-    axis, key, seconds = following
+    seconds, axis, key = following
     return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '
             f'{duration(seconds)}')

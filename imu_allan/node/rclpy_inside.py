@@ -23,9 +23,6 @@ UnknownROSArgsError: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
 Logger = RcutilsLogger
 """The type of what `Node.get_logger` returns."""
-Info = dict[str, Any]
-Taken = tuple[bytes, Info]
-"""A message, and its metadata from the middleware."""
 
 
 class OutOfWaitSet(CallbackGroup):
@@ -36,8 +33,9 @@ class OutOfWaitSet(CallbackGroup):
         return False
 
 
-def drain(subscription: Subscription, msg_type: type, most: int) -> list[Taken]:
-    """Take the messages that wait in the queue of the middleware, at most `most`."""
+def drain(subscription: Subscription, msg_type: type, most: int
+          ) -> list[tuple[bytes, dict[str, Any]]]:
+    """Take at most `most` of the messages that wait in the middleware, with its metadata."""
     handle = subscription.handle
     with handle:
         return list(islice(iter(partial(handle.take_message, msg_type, True), None), most))

@@ -19,13 +19,7 @@ from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration, SENSORS
-from std_msgs.msg import (
-    Float64MultiArray,
-    Header,
-    MultiArrayDimension,
-    MultiArrayLayout,
-    String,
-)
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, String
 
 VECTORS = ('filter_random_walk', *(f'{term}{part}' for term in LASTING_TERMS
                                    for part in ('', '/interval/low', '/interval/high')))

@@ -102,25 +102,21 @@ class Lane:
             self.error = useless(error)
 
 
+@dataclass(eq=False)
 class Run:
     """One lane, or one for the gyroscope and one for the accelerometer."""
 
-    def __init__(self, *lanes: Lane, shown_terms: ShownTerms | None = None, mark: str = ''
-                 ) -> None:
-        self.lanes = lanes
-        # Makes its folder unique: another node may have begun with the same sample.
-        self.mark = mark or secrets.token_hex(2)
-        # Messages in the last fit and checkpoint.
-        self.fitted = self.checkpointed = 0
-        # What the files that were last written show.
-        self.saved: Result | None = None
-        # Whether it has samples from before the node was started.
-        self.resumed = False
-        # Whether another run has replaced it.
-        self.over = False
-        # Both are updated by the thread that fits.
-        self.datasheet_looks = DatasheetLooks()
-        self.shown_terms = shown_terms or ShownTerms()
+    lanes: Sequence[Lane]
+    # Both are updated by the thread that fits.
+    shown_terms: ShownTerms = field(default_factory=ShownTerms)
+    datasheet_looks: DatasheetLooks = field(default_factory=DatasheetLooks)
+    # Makes its folder unique: another node may have begun with the same sample.
+    mark: str = field(default_factory=lambda: secrets.token_hex(2))
+    fitted: int = 0  # messages in the last fit
+    checkpointed: int = 0  # messages in the last checkpoint
+    saved: Result | None = None  # what the files that were last written show
+    resumed: bool = False  # whether it has samples from before the node was started
+    over: bool = False  # whether another run has replaced it
 
     @property
     def fed(self) -> int:
@@ -199,8 +195,9 @@ def pack(run: Run, setup: Setup) -> State:
     # Messages whose unit is undecided are not saved, so they must not count as seen.
     kept = [_Kept(lane.known, Seen() if lane.unit.waiting else lane.seen, lane.unit.decision)
             for lane in run.lanes]
-    parts = {'run': state_of(_Saved(setup, boot_id(), run.shown_terms, kept, run.mark))} | {
-        f'lane{at}': lane.characterization.to_state() for at, lane in enumerate(run.lanes)}
+    parts = {'run': state_of(_Saved(setup, boot_id(), run.shown_terms, kept, run.mark)),
+             **{f'lane{number}': lane.characterization.to_state()
+                for number, lane in enumerate(run.lanes)}}
     return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
 
 
@@ -242,9 +239,9 @@ def _resume(lane: Lane, kept: _Kept, characterization: Characterization, same_bo
 
 def new_run(setup: Setup, **kept: Any) -> Run:
     """Return a run without samples; `kept` is what a resumed one has besides."""
-    return Run(*(Lane(Characterization(kind='topic', topic=topic, options=setup.options),
-                      half, AccelerationUnit(None if setup.finds_unit else False))
-                 for topic, half in setup.streams), **kept)
+    return Run([Lane(Characterization(kind='topic', topic=topic, options=setup.options),
+                     half, AccelerationUnit(None if setup.finds_unit else False))
+                for topic, half in setup.streams], **kept)
 
 
 def boot_id() -> str:

@@ -160,7 +160,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time(result):
     for name, key, seconds in (('gyro_x', K, 5000.0), ('gyro_x', 'bias_instability', 900.0),
                                ('gyro_y', 'bias_instability', 1200.0)):
         result = with_coefficient(result, name, key, **UNSEEN, observable_in_s=seconds)
-    assert diagnostics.waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
+    assert diagnostics.waiting_for(result) == (900.0, 'gyro_x', 'bias_instability')
     status = shown('estimation', facts(), summary(), result)
     assert status.message == 'bias instability of gyro x expected to be observable in 15 min'
     assert entries(status)['next_observable_in_s'] == '900.0'
@@ -310,7 +310,7 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
     assert standards.judge(run.result(), run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
     # A look takes the fits that the result was made of.
-    result, fits = fitted(Run(Lane(noisy)).snapshot())
+    result, fits = fitted(Run([Lane(noisy)]).snapshot())
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
     assert standards.judge(result, noisy, looks, fits) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]
