@@ -140,11 +140,9 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             stage.flush()
     except ImuAllanError as error:
         failure = str(error)
-    lines = ['table' if topic == NO_TOPIC else brief(topic)]
     messages = recording.imu(topic).messages
-    rows = [('messages', f'{count:,}')]
-    if messages.fields is not None:
-        rows.insert(0, ('read as', messages.reported()))
+    rows = [] if messages.fields is None else [('read as', messages.reported())]
+    rows.append(('messages', f'{count:,}'))
     if failure:
         rows.append(('unusable', failure))
     else:
@@ -154,11 +152,11 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             AXES, summary.present, changed, strict=True) if there and not changes]
         if count > 1 and constant:
             rows.append(('constant', f'{named(constant)}: every sample is the same'))
-    heat = thermometer_of(recording, topic)
-    if heat is not None:
+    if (heat := thermometer_of(recording, topic)) is not None:
         rows.append(('temperature', f'from {heat.name}'))
     rows.extend(('warning', message_of(remark)) for remark in noted())
-    return lines + [f'  {name:<{_INDENT - 2}}{printable(text)}' for name, text in rows]
+    return ['table' if topic == NO_TOPIC else brief(topic),
+            *(f'  {name:<{_INDENT - 2}}{printable(text)}' for name, text in rows)]
 
 
 def _timeline_rows(summary: 'TimelineSummary', topic: str, *, untimed: bool

@@ -10,33 +10,32 @@ from typing import TYPE_CHECKING
 from imu_allan.errors import printable
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress
 
 
 class ProgressBar:
     """A progress bar or none, called with the amount done so far."""
 
-    def __init__(self, bar: 'tuple[Progress, TaskID] | None' = None) -> None:
+    def __init__(self, bar: 'Progress | None' = None) -> None:
         self._bar = bar
 
     def __call__(self, done: int) -> None:
         """Show how much is done."""
         if self._bar is not None:
-            progress, task = self._bar
+            [task] = self._bar.tasks
             # Topics that are read side by side count apart.
-            progress.update(task, completed=max(done, progress.tasks[task].completed))
+            self._bar.update(task.id, completed=max(done, task.completed))
 
     @contextmanager
     def aside(self) -> Iterator[None]:
         """Remove the bar from the terminal while something else is written there."""
-        if self._bar is None:
-            yield
-            return
-        self._bar[0].stop()
+        if self._bar is not None:
+            self._bar.stop()
         try:
             yield
         finally:
-            self._bar[0].start()
+            if self._bar is not None:
+                self._bar.start()
 
 
 @contextmanager
@@ -49,11 +48,9 @@ def progress_bar(label: object, total: int, *, wanted: bool = True,
     from rich import progress as rich
     from rich.console import Console
 
-    columns = [rich.TextColumn('{task.description}', markup=False),
-               rich.BarColumn(), rich.TaskProgressColumn()]
-    if in_bytes:
-        columns.append(rich.DownloadColumn())
-    columns.append(rich.TimeRemainingColumn())
+    columns = [rich.TextColumn('{task.description}', markup=False), rich.BarColumn(),
+               rich.TaskProgressColumn(), *([rich.DownloadColumn()] if in_bytes else []),
+               rich.TimeRemainingColumn()]
     with rich.Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(printable(label), total=total)
-        yield ProgressBar((progress, task))
+        progress.add_task(printable(label), total=total)
+        yield ProgressBar(progress)

@@ -20,7 +20,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from typing import Any, IO, TYPE_CHECKING, TypeAlias, TypeVar
+from typing import Any, IO, TYPE_CHECKING, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fast_startup import start_quickly
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from imu_allan.result import Result
 
 T = TypeVar('T')
-Outcome: TypeAlias = 'Callable[[], tuple[Result, ImuAllanError | None]]'
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def _dask_client(address: str) -> 'Client':
 
 
 def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable[[int], None]
-             ) -> Iterator[tuple[Task, Outcome]]:
+             ) -> 'Iterator[tuple[Task, Callable[[], tuple[Result, ImuAllanError | None]]]]':
     """Work on all tasks; yield each in order, with a function that gives its result or raises."""
     from imu_allan.analysis import offset_progress
 
