@@ -15,7 +15,7 @@ from itertools import pairwise
 from imu_allan.block import ImuBlock
 from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, Run, Setup
+from imu_allan.node.run import Lane, new_run, Run, Setup
 from imu_allan.node.same_imu import FEWEST_MESSAGES, in_parts, Known, LOOK_S, messages
 from imu_allan.node.sequence_numbers import MIXED
 from imu_allan.node.state_file import UnusableState
@@ -78,7 +78,7 @@ class Runs:
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages of one publisher on a topic."""
         topic = self._topics[number]
-        rate_hz = self._known(topic).rate_hz
+        rate_hz = self._lane(topic).known.rate_hz
         # Messages queued while the node was busy may be from one IMU first, then from another.
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
@@ -99,7 +99,8 @@ class Runs:
             else:
                 self._feed(topic, blocks)
             return
-        if topic.publisher is None and not self._known(topic).frame_id:
+        lane = self._lane(topic)
+        if topic.publisher is None and not lane.known.frame_id:
             topic.publisher = publisher
         # Until the publisher in use has been silent for this long, any other one is a stranger.
         alone_ns = 2_000_000_000
@@ -108,7 +109,8 @@ class Runs:
             topic.heard_ns = int(blocks[0].receive_ns[0])
         if publisher == topic.publisher:
             topic.heard_ns = last_ns
-            if topic.holding != publisher and not self._wants_look(topic, blocks):
+            if topic.holding != publisher and not (
+                    lane.leaves_out_all or lane.known.may_be_another(blocks)):
                 self._feed(topic, blocks)
                 return
         elif publisher in topic.strangers and last_ns - topic.heard_ns < alone_ns:
@@ -124,7 +126,7 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        if self._known(topic).suffices(topic.held, self._look_s()):
+        if self._lane(topic).known.suffices(topic.held, self._look_s()):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -133,15 +135,9 @@ class Runs:
             if topic.held:
                 self._decide(topic)
 
-    def _run_of(self, topic: _Topic) -> Run:
-        return self._others[0] if topic.elsewhere else self.run
-
-    def _known(self, topic: _Topic) -> Known:
-        return self._run_of(topic).lanes[topic.number].known
-
-    def _wants_look(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> bool:
-        lane = self._run_of(topic).lanes[topic.number]
-        return lane.leaves_out_all or lane.known.may_be_another(blocks)
+    def _lane(self, topic: _Topic) -> Lane:
+        """Return the lane that the messages of a topic go to."""
+        return (self._others[0] if topic.elsewhere else self.run).lanes[topic.number]
 
     def _decide(self, topic: _Topic) -> None:
         """Give the held messages to the run of their IMU."""
@@ -212,20 +208,19 @@ class Runs:
         self._feed(topic, held)
 
     def _feed(self, topic: _Topic, blocks: Sequence[ImuBlock]) -> None:
-        number, run = topic.number, self._run_of(topic)
-        lane = run.lanes[number]
+        lane = self._lane(topic)
         lane.update(blocks)
         if not lane.known.publishers:
             lane.known.publishers = sorted(topic.offers())
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
-            self._log.error(lane.error, f'useless samples {number}')
+            self._log.error(lane.error, f'useless samples {topic.number}')
         if topic.elsewhere:
-            if run.span_s >= self._proof_s():
+            if self._others[0].span_s >= self._proof_s():
                 self._replace()
         elif self._any_elsewhere:
             # If one sensor of the IMU begins a new run, so does the other.
-            self._others[0].lanes[number].update(blocks)
+            self._others[0].lanes[topic.number].update(blocks)
 
     def _proof_s(self) -> float:
         """Return how long another IMU has to last: a tenth of the run that it replaces."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversion of a Result to messages that ROS tools can read."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 import json
@@ -38,16 +38,14 @@ def result_messages(result: Result, node_name: str, stamp: Time,
                 'coefficients': coefficients_message(result, node_name, stamp)}
     header = Header(stamp=stamp, frame_id=result.source.frame_id or '')
     for sensor in SENSORS:
-        axes = {letter: result.axes[name] for letter in 'xyz'
-                if (name := f'{sensor}_{letter}') in result.axes}
-        numbers = {letter: _numbers(axis, aiding_s, coast_s) for letter, axis in axes.items()}
+        axes = {letter: result.axes.get(f'{sensor}_{letter}') for letter in 'xyz'}
+        numbers = {letter: {} if axis is None else _numbers(axis, aiding_s, coast_s)
+                   for letter, axis in axes.items()}
         for topic in VECTORS:
-            vector = Vector3(x=math.nan, y=math.nan, z=math.nan)
-            for letter, found in numbers.items():
-                if (number := found[topic]) is not None:
-                    setattr(vector, letter, number)
+            vector = Vector3(**{letter: found.get(topic, math.nan)
+                                for letter, found in numbers.items()})
             messages[f'{sensor}/{topic}'] = Vector3Stamped(header=header, vector=vector)
-        messages[f'{sensor}/allan_deviation'] = curve_message(axes)
+        messages[f'{sensor}/allan_deviation'] = _curve_message(axes.values())
     return messages
 
 
@@ -76,9 +74,9 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     return array
 
 
-def _numbers(axis: AxisResult, aiding_s: float, coast_s: float) -> dict[str, float | None]:
-    """Return the components of an axis in the vectors of its sensor, by topic."""
-    numbers: dict[str, float | None] = dict.fromkeys(VECTORS)
+def _numbers(axis: AxisResult, aiding_s: float, coast_s: float) -> dict[str, float]:
+    """Return the known components of an axis in the vectors of its sensor, by topic."""
+    numbers: dict[str, float | None] = {}
     if axis.coefficients['noise_density'].observable:
         # Without a drift model, or noise, the status of the axis says why there is none.
         with suppress(ImuAllanError):
@@ -89,13 +87,13 @@ def _numbers(axis: AxisResult, aiding_s: float, coast_s: float) -> dict[str, flo
         # The interval of a term that is not observable is from zero to its upper bound.
         low, high = found.ci95 or (None if found.upper95 is None else 0.0, found.upper95)
         numbers |= {term: found.value, f'{term}/interval/low': low, f'{term}/interval/high': high}
-    return numbers
+    return {topic: number for topic, number in numbers.items() if number is not None}
 
 
-def curve_message(axes: Mapping[str, AxisResult]) -> Float64MultiArray:
+def _curve_message(axes: Iterable[AxisResult | None]) -> Float64MultiArray:
     """Return the Allan deviation of a sensor: rows tau (s), x, y, z, padded with NaN."""
-    curves = [dict(zip(axes[letter].curve.tau_s, axes[letter].curve.adev, strict=True))
-              if letter in axes else {} for letter in 'xyz']
+    curves = [{} if axis is None else dict(zip(axis.curve.tau_s, axis.curve.adev, strict=True))
+              for axis in axes]
     octaves = 25   # the longest; PlotJuggler ignores arrays of more than 100 numbers
     taus = sorted({tau for curve in curves for tau in curve})[-octaves:]
     rows = [taus, *([curve.get(tau, math.nan) for tau in taus] for curve in curves)]

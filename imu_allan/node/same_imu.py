@@ -81,7 +81,7 @@ class Known(Record):
 
     def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
         """Return whether the next messages need a closer check; cheap in the normal case."""
-        if self.frame_id is None or not blocks:
+        if self.frame_id is None:
             return False
         if all(block.frame_id != self.frame_id for block in blocks):
             return True
@@ -125,8 +125,6 @@ class Known(Record):
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the seconds that messages span by stamps or by receive times, the longer one."""
-        if not blocks:
-            return 0.0
         return max(float(last - first) * 1e-9 for first, last in (
             (blocks[0].receive_ns[0], blocks[-1].receive_ns[-1]),
             (self._stamps(blocks[:1])[0], self._stamps(blocks[-1:])[-1])))

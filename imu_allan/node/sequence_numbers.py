@@ -52,8 +52,6 @@ class Publishers:
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
         """Return the publisher of each message, `MIXED` if unknown, and how many were lost."""
-        if not len(receive_ns):
-            return np.empty(0, np.int64), 0
         self._follow_clock(int(receive_ns[0]))
         if numbers is None:
             only = self._unnumbered(int(receive_ns[0]))

@@ -55,17 +55,16 @@ class Worker:
             self._jobs.remove(job)
             kind, future, done = job
             error = future.exception()
-            if not isinstance(error, TooEarly):
-                self.errors[kind] = self._logged(kind, error)
             if error is None:
+                self.errors[kind] = ''
                 done(future.result())
+            elif not isinstance(error, TooEarly):
+                self.errors[kind] = self._logged(kind, error)
         if finished:
             _give_back_memory()
 
-    def _logged(self, kind: str, error: BaseException | None) -> str:
-        """Log an error, if any, and return it as a line."""
-        if error is None:
-            return ''
+    def _logged(self, kind: str, error: BaseException) -> str:
+        """Log an error and return it as a line."""
         if isinstance(error, ImuAllanError):
             self._log.error(str(error), f'{type(error).__name__} {kind}')
             return str(error)
