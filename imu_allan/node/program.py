@@ -13,7 +13,6 @@ import sys
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.fast_startup import start_quickly
-from imu_allan.interruption import quiet_interrupt
 
 
 class StopRequest:
@@ -26,8 +25,6 @@ class StopRequest:
         self.requested = True
 
 
-# End quietly on an interrupt until the node handles signals itself.
-@quiet_interrupt()
 def run_program(program: str, node_class: str, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     start_quickly()

@@ -313,12 +313,12 @@ def test_without_ros_or_ros_args_a_line_says_what_to_do(
     assert (done.returncode, done.stdout, done.stderr) == (status, '', f'{program}: {line}\n')
 
 
-@pytest.mark.parametrize(('program', 'module', 'status'), [
-    ('imu_simulator', 'numpy', 130), ('imu_allan_node', 'rclpy', 0)])
-def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(ros, program, module, status):
+@pytest.mark.parametrize(('program', 'module'), [
+    ('imu_simulator', 'numpy'), ('imu_allan_node', 'rclpy')])
+def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(ros, program, module):
     done = interrupted(ENTRY_POINTS[program], module, '--ros-args', '-r',
                        f'__ns:={ros.namespace}', '-p', f'state_file:={ros.folder / "state"}')
-    assert (done.returncode, 'Traceback' in done.stderr) == (status, False), done.stderr
+    assert (done.returncode, 'Traceback' in done.stderr) == (0, False), done.stderr
 
 
 @pytest.mark.usefixtures('ros_context')
