@@ -30,8 +30,8 @@ class Outcome:
     # Over means of 1, 10 and 60 s, if the stops are long enough
     innovations: tuple[Innovations, ...]
     coasts: tuple[Coast, ...]    # over 10, 60 and 300 s
-    # Where 95 % of the observed deviations should lie, given the recording's own unsteadiness and
-    # the number of outages
+    # Where 95 % of the observed deviations should lie, given how much a sensor's drift usually
+    # changes, and the number of outages
     bands: tuple[Interval, ...]
 
 

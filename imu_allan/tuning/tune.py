@@ -109,7 +109,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
         Bias model of the filter.
     conservative : bool, optional
         Whether predictions are never below the upper 95 % end of what is expected at any horizon,
-        instead of right on average. The recording's own unsteadiness is included.
+        instead of right on average. How much a sensor's drift usually changes is included.
     correlation_time_s : float, optional
         Correlation time of the filter's process, if it is fixed; chosen by default.
 

@@ -13,18 +13,11 @@ from imu_allan.result import AxisResult, Coast, Interval
 import numpy as np
 from numpy.typing import ArrayLike
 
-_USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
+_UNSTEADINESS = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
 """
 Standard deviation of the logarithm of the drift between two halves of real recordings. It is half
 of that of the variance of the mean over 60 s.
 """
-
-
-def unsteadiness(axis: AxisResult) -> float:
-    """Return the spread between recordings of the logarithm of the drift's standard deviation."""
-    wild = axis.stationarity is not None and not axis.stationarity.steady
-    # A record that is not even steady in itself says less of another. Chosen by judgment.
-    return _USUAL[axis.quantity] * (2.0 if wild else 1.0)
 
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
@@ -63,7 +56,7 @@ def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
     """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
-    return np.asarray(np.hypot(spread_of_shortness(axis, horizons), unsteadiness(axis)))
+    return np.asarray(np.hypot(spread_of_shortness(axis, horizons), _UNSTEADINESS[axis.quantity]))
 
 
 def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
@@ -88,7 +81,7 @@ def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
     sampling = np.log(dof / chi_square.lower(0.05, dof))
     # 95 % of a normal distribution lie below 1.645 standard errors.
-    drift = np.hypot(sampling, 2 * 1.645 * unsteadiness(axis))
+    drift = np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])
     # White noise is known from the whole band, whatever the horizon.
     best = float(np.max(axis.curve.edf))
     noise = best / float(chi_square.lower(0.05, np.array([best]))[0])
