@@ -100,8 +100,7 @@ CODES: Mapping[str, Code] = {
     'truncated_recording': _know(
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,
         bytes=Count | None, end=Text | None, whole_chunks=Count | None, reason=Text | None),
-    'lost_messages': _know(
-        found=Count, counted=Count, topic=Text),
+    'lost_messages': _know(found=Count, counted=Count, topic=Text),
     'missing_file': _know(missing=Count, listed=Count, files=Text),
     'malformed_messages': _know(
         what=Literal['line', 'message'], count=Count, topic=Text | None, type=Text | None,

@@ -16,7 +16,7 @@ from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
-from imu_allan.finding_texts import Span, Text, WORDS
+from imu_allan.finding_texts import Span, Text, WORDS, Words
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
@@ -26,34 +26,39 @@ from imu_allan.wording import about, counted, duration, listed, named, number, r
 
 def title_of(found: Finding) -> str:
     """Return the name of a finding, two or three words long."""
-    words = WORDS.get(found.code)
-    return words.title if words is not None else printable(found.code).replace('_', ' ')
+    return _words(found).title
 
 
 def brief(found: Finding) -> str:
     """Return why a sensor is not good by a finding, in a few words."""
-    words = WORDS.get(found.code)
-    return (_made(words.brief, found) if words is not None else '') or title_of(found)
+    return _made(_words(found).brief, found) or title_of(found)
 
 
 def sentence_of(found: Finding) -> str:
     """Return the sentence with the values of a finding, preceded by what it is about."""
-    made = _made(WORDS[found.code].says, found) if found.code in WORDS else ''
-    if made:
+    if made := _made(_words(found).says, found):
         return f'{_about(found)}{made}'
     return printable(found.message) or f'{_about(found)}{title_of(found)}'
 
 
 def advice(found: Finding, *, live: bool = False) -> str:
     """Return advice on a finding, for a recording or a running node; '' if there is none."""
-    words = WORDS.get(found.code)
-    if words is None or not _made(words.says, found):
+    words = _words(found)
+    if not _made(words.says, found):
         return ''
     return _made(words.live if live and words.live is not None else words.do, found)
 
 
+def _words(found: Finding) -> Words:
+    """Return the texts of a finding; of a code that only another version knows, a title."""
+    return WORDS.get(found.code) or Words(
+        printable(found.code).replace('_', ' '), '', '', says='')
+
+
 def _made(text: Text, found: Finding) -> str:
     """Return a sentence; '' if a file of another version lacks values for it."""
+    if not text:
+        return ''
     figures = _figures(found)
     try:
         chosen = text(figures) if callable(text) else text
@@ -114,19 +119,17 @@ def _figures(found: Finding) -> dict[str, Any]:
     figures: dict[str, Any] = {'severity': found.severity}
     for name, kind in CODES[found.code].values.items():
         value: Any = found.values.get(name)
-        if name in found.values and is_of_axes(found, name):
-            value = Span(value)
-        each = value if isinstance(value, Span) else (value,)
+        each = value if is_of_axes(found, name) else (value,)
         if all(one is not None and is_of_kind(one, kind) for one in each):
-            figures[name] = value
+            figures[name] = Span(value) if each is value else value
     return figures
 
 
 def is_of_axes(found: Finding, name: str) -> bool:
     """Return whether a value of a finding is a list with one entry per axis."""
     kind = CODES[found.code].values.get(name) if found.code in CODES else None
-    return (isinstance(found.values[name], (list, tuple))
-            and len(found.values[name]) == len(found.axes) > 1
+    value = found.values.get(name)
+    return (isinstance(value, (list, tuple)) and len(value) == len(found.axes) > 1
             and get_origin(known(kind)) is not tuple)
 
 

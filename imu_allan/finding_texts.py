@@ -170,8 +170,7 @@ WORDS: Mapping[str, Words] = {
         'constant', 'The axis is not connected, or its noise is below one step of its output.',
         'Every sample is the same.',
         says='every sample is {value:each} {unit}: there is no noise to measure',
-        do='look whether the axis is connected and read out',
-        brief='every sample is the same'),
+        do='look whether the axis is connected and read out', brief='every sample is the same'),
     'saturated': Words(
         'saturated',
         'The output is cut off at an end of its range: the noise is higher than it seems.',
@@ -220,29 +219,23 @@ WORDS: Mapping[str, Words] = {
         'Whole messages repeat for far longer than noise does.',
         says='{messages} messages repeat one value[, first at {since_s:.6g} s]: the sensor or its '
              'driver stood still, they are left out',
-        do='look at the cable and the driver',
-        brief='no new values for a while'),
+        do='look at the cable and the driver', brief='no new values for a while'),
     'unknown_rate': Words(
         'no rate', 'Without a sample rate there are no averaging times.',
-        'There are too few stamps.',
-        says='the sample rate is not known from so few stamps',
-        do='record for longer',
-        brief='the sample rate is not known'),
+        'There are too few stamps.', says='the sample rate is not known from so few stamps',
+        do='record for longer', brief='the sample rate is not known'),
     # it did not rest
     'mostly_motion': Words(
         'motion', 'The IMU was not at rest: what is measured is motion.',
         'More than half of the samples are above the noise level.',
-        says='{share:%} of the samples are motion',
-        do='record while the sensor stands still',
+        says='{share:%} of the samples are motion', do='record while the sensor stands still',
         live='let the IMU rest, or set motion to keep',
         brief='{share:%} of the samples are motion'),
     'slow_motion': Words(
         'slow motion', 'A slow turn or tilt looks like slow noise.',
-        'The mean leaves and returns, by more than the noise explains.',
-        says=_slow_motion,
+        'The mean leaves and returns, by more than the noise explains.', says=_slow_motion,
         do='B and K are upper bounds; analyze the rest with --start and --duration',
-        live='call ~/reset to begin anew',
-        brief='the mean moves away for {duration_s:time}'),
+        live='call ~/reset to begin anew', brief='the mean moves away for {duration_s:time}'),
     'noise_level_changed': Words(
         'noise level changes', 'The curve describes neither of two levels of noise.',
         'The noise of all axes changes for good.',
@@ -263,8 +256,7 @@ WORDS: Mapping[str, Words] = {
         'not steady',
         'The noise was not the same all the time: a later recording may differ by as much. Where '
         'a band changes, intervals are widened.',
-        'Segments differ by more than chance, band by band.',
-        says=_not_steady,
+        'Segments differ by more than chance, band by band.', says=_not_steady,
         do='keep temperature, supply and vibration steady',
         live='call ~/reset once temperature, supply and vibration are steady',
         brief='the noise changed by {spread_share:%}'),
@@ -272,8 +264,7 @@ WORDS: Mapping[str, Words] = {
         'warming up',
         'The sensor was still warming up: its mean settles exponentially. Numbers for a filter '
         'include it.',
-        'One or two exponentials explain the mean better than noise.',
-        says=_warm_up,
+        'One or two exponentials explain the mean better than noise.', says=_warm_up,
         do=('numbers for a filter include it; leave it out with --start {start_s:most start}',
             'numbers for a filter include it; the recording is too short to leave it out: let the '
             'sensor warm up first'),
@@ -288,8 +279,7 @@ WORDS: Mapping[str, Words] = {
         says='neighbouring messages differ in turn: two sensors that publish with one frame_id, '
              'or a vibration at half the message rate',
         do='look with ros2 topic info --verbose for two publishers, and record each alone',
-        live='give every IMU a topic of its own',
-        brief='perhaps two sensors share the topic'),
+        live='give every IMU a topic of its own', brief='perhaps two sensors share the topic'),
     'several_frames': Words(
         'several frames', 'Several IMUs share a topic; only the first is used.',
         'Messages have different frame_id.',
@@ -314,8 +304,7 @@ WORDS: Mapping[str, Words] = {
         'Header stamps stand still, jump or come in whole seconds.',
         says='header stamps are {flaw} from about {since_s:.6g} s on: receive stamps are used '
              'from there',
-        do='mend the stamps of the driver',
-        brief='the header stamps became unusable'),
+        do='mend the stamps of the driver', brief='the header stamps became unusable'),
     'clock_speed': Words(
         'speed of clocks',
         'One clock is wrong, as in a replay: averaging times may be off by their ratio.',
@@ -327,15 +316,13 @@ WORDS: Mapping[str, Words] = {
         brief='one of two clocks runs {ratio:.3g} times as fast'),
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
-        'The mean is not about 9.81 m/s^2.',
-        says=_gravity,
+        'The mean is not about 9.81 m/s^2.', says=_gravity,
         do='check the unit (--accel :g, of counts :g/16384) and the topic',
         live='check the unit of the driver',
         brief='the mean acceleration is {mean:.4g} m/s^2, not 9.81'),
     'implausible': Words(
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
-        'A mean, spread or noise density is beyond any sensor at rest.',
-        says=_implausible,
+        'A mean, spread or noise density is beyond any sensor at rest.', says=_implausible,
         do='state the unit (--gyro, --accel; of counts :g/16384), or record it at rest',
         live='check the unit of the driver',
         brief=lambda f: f'{_implausible_what(f)} implausible'),
@@ -350,8 +337,7 @@ WORDS: Mapping[str, Words] = {
         brief='{share:%} of the samples are missing'),
     'spikes': Words(
         'outliers', 'Single outliers are left out.',
-        'Samples lie ten times the noise from their neighbours.',
-        says=_spikes,
+        'Samples lie ten times the noise from their neighbours.', says=_spikes,
         do='look for errors on the bus of the sensor, or for knocks'),
     'field_absent': Words(
         'absent field', 'Some messages lack an axis that others have.',
@@ -381,9 +367,7 @@ WORDS: Mapping[str, Words] = {
             bytes='left out {bytes:,} damaged bytes',
             file='a file of it was left out: {reason}',
             unread='not all of it could be read[; lost {lost} of {of} messages of {topic}]'),
-        do=_again,
-        general='copy it again',
-        brief='most of the recording is damaged'),
+        do=_again, general='copy it again', brief='most of the recording is damaged'),
     'truncated_recording': Words(
         'truncated recording', 'The recording ends too early; what comes before is used.',
         'The file ends inside a record.',
@@ -395,24 +379,17 @@ WORDS: Mapping[str, Words] = {
             log='the log breaks off in a message; its {bytes} bytes are lost',
             ends='the recording breaks off (was the recorder killed?): {end}; found '
                  '{whole_chunks:count whole chunk}'),
-        do=_again,
-        general='copy it again',
-        brief='most of the recording is missing'),
+        do=_again, general='copy it again', brief='most of the recording is missing'),
     'lost_messages': Words(
-        'lost messages', 'Fewer messages were found than recorded.',
-        'metadata.yaml counts more.',
+        'lost messages', 'Fewer messages were found than recorded.', 'metadata.yaml counts more.',
         says='{found} of the {counted} messages of {topic} that metadata.yaml counts were found',
-        do=_again,
-        general='copy it again',
-        brief='most messages are lost'),
+        do=_again, general='copy it again', brief='most messages are lost'),
     'missing_file': Words(
         'missing file', 'Files of the recording are missing; the others are used.',
         'metadata.yaml lists them.',
         says='{missing} of {listed} files that metadata.yaml lists cannot be found: {files}; the '
              'others were read',
-        do=_again,
-        general='copy it again',
-        brief='most files are missing'),
+        do=_again, general='copy it again', brief='most files are missing'),
     'malformed_messages': Words(
         'malformed messages', 'Messages that are no IMU messages are left out.',
         'They are too short, or hold no numbers.',
@@ -425,9 +402,7 @@ WORDS: Mapping[str, Words] = {
     'short_recording': Words(
         'short recording',
         'The record is too short to show this coefficient: it lies below the bound.',
-        'Its interval reaches to zero.',
-        says=_short_recording,
-        do='record for longer',
+        'Its interval reaches to zero.', says=_short_recording, do='record for longer',
         live='wait, or let it run overnight'),
     'poor_fit': Words(
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
@@ -436,8 +411,7 @@ WORDS: Mapping[str, Words] = {
               'model',
               'no sum of noise terms describes this spectrum: the best is off by '
               '{misfit_share:%}'),
-        do='look for vibration, or a filter in the sensor or driver',
-        brief='no noise model fits'),
+        do='look for vibration, or a filter in the sensor or driver', brief='no noise model fits'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',
         'A coefficient differs by more than its errors.',
@@ -448,8 +422,7 @@ WORDS: Mapping[str, Words] = {
         do='the interval is widened; look at what was different in that recording',
         brief='the recordings disagree'),
     'thermometer': Words(
-        'thermometer', 'The temperature cannot be used.',
-        'Its readings are few or constant.',
+        'thermometer', 'The temperature cannot be used.', 'Its readings are few or constant.',
         says=_by_fault(
             short='the temperature covers {covered_share:%} of the record: it is not used',
             constant='the temperature never changes: its effect cannot be measured',
@@ -483,8 +456,7 @@ WORDS: Mapping[str, Words] = {
              '{correlation_time_s:.3g} s is part of the noise'),
     'temperature': Words(
         'temperature', 'The mean follows the temperature; that part is no noise.',
-        'The readings of the thermometer explain the mean better than noise.',
-        says=_temperature,
+        'The readings of the thermometer explain the mean better than noise.', says=_temperature,
         do='coefficients are given without the temperature, numbers for a filter with it'),
     'slow_cycle': Words(
         'slow cycle', 'The mean follows a slow cycle; that part is no noise.',
@@ -502,8 +474,7 @@ WORDS: Mapping[str, Words] = {
         do='choose a smaller range of the sensor'),
     'tones': Words(
         'tones', 'Vibration, mains or a converter: not noise, and left out of the fit.',
-        'Narrow lines stand above the spectrum.',
-        says=_tones),
+        'Narrow lines stand above the spectrum.', says=_tones),
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next.',
         'Means of the recordings differ by more than they drift in one.',
@@ -559,8 +530,7 @@ WORDS: Mapping[str, Words] = {
         live='set accel_unit to g or to m/s^2'),
     'two_rates': Words(
         'separate sensors', 'Gyroscope and accelerometer each have their own rate.',
-        'By topics, or repeated values.',
-        says=_two_rates),
+        'By topics, or repeated values.', says=_two_rates),
     'repeated_half': Words(
         'repeated half', 'One sensor repeats its values between new ones of the other.',
         'Its values change at a rate of their own.',
