@@ -16,7 +16,7 @@ from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
-from imu_allan.finding_texts import Span, Text, WORDS, Words
+from imu_allan.finding_texts import most, Span, Text, WORDS, Words
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
@@ -86,7 +86,9 @@ class _Formatter(Formatter):
             end = min if form == 'least' else max
             return self.format_field(end(value) if isinstance(value, Span) else value, rest)
         if form == 'if':
-            return rest if value else ''
+            return rest if most(value) else ''
+        if form == 'one':
+            return rest.partition('|')[0 if most(value) == 1 else 2]
         if form == 'each':
             each = value if isinstance(value, Span) else (value,)
             return listed(list(dict.fromkeys(f'{one:g}' for one in each)))

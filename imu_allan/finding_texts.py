@@ -57,28 +57,9 @@ class Words:
     brief: Text = ''
 
 
-def _most(value: Any) -> Any:
+def most(value: Any) -> Any:
     """Return a number, or the largest of several axes."""
     return max(value) if isinstance(value, Span) else value
-
-
-def _slow_motion(f: Figures) -> str:
-    again = ', and {count:d} times in all' if _most(f['count']) > 1 else ''
-    return ('the mean moves by {size:.2g} {unit} for {duration_s:time} from {start_s:time} on and '
-            f'comes back{again}')
-
-
-def _not_steady(f: Figures) -> str:
-    band = (' between {low_hz:g} and {high_hz:g} Hz' if 'low_hz' in f and 'high_hz' in f else
-            '[ above {low_hz:g} Hz][ below {high_hz:g} Hz]')
-    return f'noise{band} varies by {{spread_share:%}} rms over segments of {{segment_s:time}}'
-
-
-def _warm_up(f: Figures) -> str:
-    second = ' and a second one' if _most(f['exponentials']) > 1 else ''
-    return ('the mean settles by {amplitude:.3g} {unit} with a time constant of '
-            f'{{time_constant_s:time}}[ ({{time_constant_factor:most within}})]{second}. It is '
-            'steady after {steady_after_s:time}')
 
 
 def _gravity(f: Figures) -> str:
@@ -98,37 +79,13 @@ def _implausible(f: Figures) -> str:
             f'{likely}, or motion')
 
 
-def _spikes(f: Figures) -> str:
-    are = 'is' if f['messages'] == 1 else 'are'
-    hold = 'message holds' if f['messages'] == 1 else 'messages hold'
-    return (f'{{messages:,}} single {hold} outliers, ten times the noise and more, and {are} left '
-            'out')
-
-
-def _short_recording(f: Figures) -> str:
-    if 'samples' in f:
-        are = 'is' if f['samples'] == 1 else 'are'
-        return (f'{{samples:count sample}} in {{duration_s:time}} {are} too few for any '
-                'coefficient: at least {needed} are needed')
-    return ('{coefficient:term} is not visible in {duration_s:time}: only an upper bound is '
-            'given')
-
-
 def _temperature(f: Figures) -> str:
     lags = '' if 'lag_s' not in f else '. The {} lags by {{lag_s:lag}}'.format(
-        'thermometer' if _most(f['lag_s']) > 0 else 'sensor')
+        'thermometer' if most(f['lag_s']) > 0 else 'sensor')
     return ('the mean follows the temperature by {per_kelvin:.3g} {unit}/K (95 % interval '
             '{per_kelvin_low:least .3g} to {per_kelvin_high:most .3g})'
             '. It was {lowest_c:least .1f} to '
             f'{{highest_c:most .1f}} degrees Celsius{lags}')
-
-
-def _tones(f: Figures) -> str:
-    lines = 'lines' if _most(f['count']) > 1 else 'line'
-    half = ('. One at half the message rate is a vibration, or two sensors publish in turn'
-            if _most(f['half_rate']) else '')
-    return (f'{{count:d}} {lines}, the strongest at {{frequency_hz:.4g}} Hz ({{amplitude:3 in '
-            f'{{unit}}}}), left out of the fit{half}')
 
 
 def _rest_within_motion(f: Figures) -> str:
@@ -233,7 +190,9 @@ WORDS: Mapping[str, Words] = {
         brief='{share:%} of the samples are motion'),
     'slow_motion': Words(
         'slow motion', 'A slow turn or tilt looks like slow noise.',
-        'The mean leaves and returns, by more than the noise explains.', says=_slow_motion,
+        'The mean leaves and returns, by more than the noise explains.',
+        says='the mean moves by {size:.2g} {unit} for {duration_s:time} from {start_s:time} on '
+             'and comes back{count:one |, and {count:d} times in all}',
         do='B and K are upper bounds; analyze the rest with --start and --duration',
         live='call ~/reset to begin anew', brief='the mean moves away for {duration_s:time}'),
     'noise_level_changed': Words(
@@ -256,7 +215,11 @@ WORDS: Mapping[str, Words] = {
         'not steady',
         'The noise was not the same all the time: a later recording may differ by as much. Where '
         'a band changes, intervals are widened.',
-        'Segments differ by more than chance, band by band.', says=_not_steady,
+        'Segments differ by more than chance, band by band.',
+        says=('noise between {low_hz:g} and {high_hz:g} Hz varies by {spread_share:%} rms over '
+              'segments of {segment_s:time}',
+              'noise[ above {low_hz:g} Hz][ below {high_hz:g} Hz] varies by {spread_share:%} rms '
+              'over segments of {segment_s:time}'),
         do='keep temperature, supply and vibration steady',
         live='call ~/reset once temperature, supply and vibration are steady',
         brief='the noise changed by {spread_share:%}'),
@@ -264,7 +227,10 @@ WORDS: Mapping[str, Words] = {
         'warming up',
         'The sensor was still warming up: its mean settles exponentially. Numbers for a filter '
         'include it.',
-        'One or two exponentials explain the mean better than noise.', says=_warm_up,
+        'One or two exponentials explain the mean better than noise.',
+        says='the mean settles by {amplitude:.3g} {unit} with a time constant of '
+             '{time_constant_s:time}[ ({time_constant_factor:most within})]'
+             '{exponentials:one | and a second one}. It is steady after {steady_after_s:time}',
         do=('numbers for a filter include it; leave it out with --start {start_s:most start}',
             'numbers for a filter include it; the recording is too short to leave it out: let the '
             'sensor warm up first'),
@@ -337,7 +303,9 @@ WORDS: Mapping[str, Words] = {
         brief='{share:%} of the samples are missing'),
     'spikes': Words(
         'outliers', 'Single outliers are left out.',
-        'Samples lie ten times the noise from their neighbours.', says=_spikes,
+        'Samples lie ten times the noise from their neighbours.',
+        says='{messages:,} single {messages:one message holds|messages hold} outliers, ten times '
+             'the noise and more, and {messages:one is|are} left out',
         do='look for errors on the bus of the sensor, or for knocks'),
     'field_absent': Words(
         'absent field', 'Some messages lack an axis that others have.',
@@ -402,8 +370,12 @@ WORDS: Mapping[str, Words] = {
     'short_recording': Words(
         'short recording',
         'The record is too short to show this coefficient: it lies below the bound.',
-        'Its interval reaches to zero.', says=_short_recording, do='record for longer',
-        live='wait, or let it run overnight'),
+        'Its interval reaches to zero.',
+        says=('{samples:count sample} in {duration_s:time} {samples:one is|are} too few for any '
+              'coefficient: at least {needed} are needed',
+              '{coefficient:term} is not visible in {duration_s:time}: only an upper bound is '
+              'given'),
+        do='record for longer', live='wait, or let it run overnight'),
     'poor_fit': Words(
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
         'Spectrum or curve leave the model by more than chance.',
@@ -462,19 +434,22 @@ WORDS: Mapping[str, Words] = {
         'slow cycle', 'The mean follows a slow cycle; that part is no noise.',
         'A slow sine explains the mean better than noise.',
         says=lambda f: 'the mean follows a slow cycle of about {period_s:about}' + (
-            ", such as a heater's" if _most(f['period_s']) > 29.999 else ''),
+            ", such as a heater's" if most(f['period_s']) > 29.999 else ''),
         do='coefficients are given without it, numbers for a filter with it'),
     'coarse_resolution': Words(
         'coarse steps', 'What lies below one step is hidden; noise below half of it, too.',
         'The smallest step is larger than the noise of a sample.',
         says=lambda f: (
             'the output steps by {step:.3g} {unit}, {ratio:.1f} times the noise of one sample: '
-            + ('N depends on where the mean lies within the step' if _most(f['ratio']) > 1.9 else
+            + ('N depends on where the mean lies within the step' if most(f['ratio']) > 1.9 else
                'what lies below the step is hidden')),
         do='choose a smaller range of the sensor'),
     'tones': Words(
         'tones', 'Vibration, mains or a converter: not noise, and left out of the fit.',
-        'Narrow lines stand above the spectrum.', says=_tones),
+        'Narrow lines stand above the spectrum.',
+        says='{count:d} {count:one line|lines}, the strongest at {frequency_hz:.4g} Hz '
+             '({amplitude:3 in {unit}}), left out of the fit{half_rate:if . One at half the '
+             'message rate is a vibration, or two sensors publish in turn}'),
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next.',
         'Means of the recordings differ by more than they drift in one.',
