@@ -9,7 +9,7 @@ from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_k
 from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import TERMS
-from imu_allan.result import AxisResult, Coefficient, Interval, Result
+from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
 
@@ -78,15 +78,13 @@ def stopped(result: Result) -> str | None:
 
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return a coefficient, for a ramp its magnitude."""
-    found: Coefficient = axis.coefficients[key]
-    if axis.high_passed_hz is not None:
-        undecided: str | None = _FILTERED
-    elif not axis.goodness_of_fit.acceptable and axis.goodness_of_fit.p_value is not None:
-        undecided = 'the noise model does not fit this axis'
-    elif not found.observable and found.upper95 is None:
-        undecided = 'not observable in this recording; record for longer'
-    else:
-        undecided = None
+    found, fit = axis.coefficients[key], axis.goodness_of_fit
+    undecided = (
+        _FILTERED if axis.high_passed_hz is not None else
+        'the noise model does not fit this axis'
+        if not fit.acceptable and fit.p_value is not None else
+        'not observable in this recording; record for longer'
+        if not found.observable and found.upper95 is None else None)
     value = None if found.value is None else abs(found.value)
     interval = None if not found.observable or found.ci95 is None else _magnitude(found.ci95)
     return Measured(value, interval, found.upper95, undecided)
@@ -114,11 +112,10 @@ def zero_bias(result: Result, name: str, expected: float) -> Measured:
 
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
     """Return the measured value of one limited quantity."""
-    if key in TERMS:
-        hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
-        return (coefficient(result.axes[axis], key) if hidden is None
-                else Measured(undecided=hidden))
     found = result.axes[axis]
+    if key in TERMS:
+        hidden = hidden_by_steps(found, key, abs(specification.axes[axis][key]))
+        return coefficient(found, key) if hidden is None else Measured(undecided=hidden)
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
     if found.high_passed_hz is not None:
@@ -130,8 +127,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
             return Measured(spread.sigma, spread.ci95)
         return Measured(undecided='one power-on does not show it; analyze several recordings '
                                   'with --together')
-    trend = found.trend.temperature if found.trend is not None else None
-    if trend is not None:
+    if found.trend is not None and (trend := found.trend.temperature) is not None:
         return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
     return Measured(undecided='the result knows no dependence on temperature; record the '
                               'temperature while it changes')
@@ -151,10 +147,8 @@ def _undecided_mean(axis: AxisResult) -> str | None:
 
 
 def _magnitude(interval: Interval) -> Interval:
-    low, high = interval
-    if low >= 0:
-        return low, high
-    return (-high, -low) if high <= 0 else (0.0, max(-low, high))
+    low, high = sorted(map(abs, interval))
+    return 0.0 if interval[0] < 0 < interval[1] else low, high
 
 
 # If the noise is at least half a step q, rounding adds white noise of q / sqrt(12). The total is

@@ -100,13 +100,11 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
         result.axes.get(axis), specification.axes.get(axis, {}).get('noise_density'))
     measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
     outcome, reason = _decide(measured, limit, printable(written), fault)
-    return Verdict(
-        axis=axis, key=key, symbol=symbol, unit=unit, limit=limit, specified=written,
-        value=measured.value, ci95=measured.ci95, upper95=measured.upper95,
-        # With a limit close to zero, the ratio would overflow.
-        ratio=None if measured.value is None or limit <= 0 or measured.value > limit * 1e300
-        else measured.value / limit,
-        verdict=outcome, reason=f'{axis} {symbol}: {reason}')
+    value = measured.value
+    # With a limit close to zero, the ratio would overflow.
+    ratio = None if value is None or limit <= 0 or value > limit * 1e300 else value / limit
+    return Verdict(axis, key, symbol, unit, limit, written, value, measured.ci95, measured.upper95,
+                   ratio, outcome, f'{axis} {symbol}: {reason}')
 
 
 def _decide(measured: Measured, limit: float, shown: str, fault: str | None

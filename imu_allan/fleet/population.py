@@ -151,9 +151,9 @@ def population(results: Mapping[str, Result]) -> Population:
     samples = {quantity: sample for quantity, sample in samples.items()
                if len(sample.values) >= FEWEST_UNITS}
     # In a fleet without bad units, the probability of naming any is 0.01.
-    alone = {quantity: {name for name, out in zip(sample.values, outliers(
+    alone = {quantity: [name for name, out in zip(sample.values, outliers(
         list(sample.values.values()), list(sample.errors.values()), 0.01 / len(samples)),
-        strict=True) if out} for quantity, sample in samples.items()}
+        strict=True) if out] for quantity, sample in samples.items()}
     together = list(_together(samples, {(name, key) for (_, key), names in alone.items()
                                         for name in names}))
     apart = {(outlier.unit, outlier.axis, outlier.key) for outlier in together}
@@ -165,11 +165,9 @@ def population(results: Mapping[str, Result]) -> Population:
         effects = random_effects([sample.values[name] for name in kept],
                                  [sample.errors[name] for name in kept], sample.bounds)
         traits.append(_trait(axis, key, sample, effects))
-        found += [_outlier(name, axis, key, sample, effects)
-                  for name in sample.values if name in alone[axis, key]]
+        found += [_outlier(name, axis, key, sample, effects) for name in alone[axis, key]]
     found += together
-    order = {unit: place for place, unit in enumerate(units)}
-    found.sort(key=lambda outlier: (order[outlier.unit], -abs(outlier.spreads or 1e9)))
+    found.sort(key=lambda outlier: (units.index(outlier.unit), -abs(outlier.spreads or 1e9)))
     return Population(units, tuple(traits), tuple(found), unseen, one_model)
 
 
@@ -226,26 +224,30 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
 
 def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
     unit = AXES[axis].unit if key == MEAN else TERMS[key].unit(AXES[axis])
+    in_si = _in_si(key)
     # The median, the middle half of the units, and the middle nine tenths.
     percentiles = {percent: effects.percentile(percent / 100) for percent in (5, 25, 50, 75, 95)}
-    in_si: Callable[[float], float] = float if key in _SIGNED else exp
-    scale = 1.0 if key in _SIGNED else exp(effects.mean)
     # A limit this many times above nearly all units says nothing: too few are known.
     most = 10.0
     if key in _SIGNED:
         # Two-sided limits: half of the share outside lies on each side.
         above = effects.tolerance((1 + TOLERANCE_SHARE) / 2, TOLERANCE_CONFIDENCE)
         limit = max(abs(above), abs(2 * effects.mean - above))
-        vague = limit > most * max(map(abs, percentiles.values()))
+        scale, vague = 1.0, limit > most * max(map(abs, percentiles.values()))
     else:
         limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
-        vague = limit > percentiles[95] + log(most)
+        scale, vague = exp(effects.mean), limit > percentiles[95] + log(most)
     low, high = effects.between_ci95
     return Trait(axis, key, unit, sample.units, len(sample.values), in_si(effects.mean),
                  scale * effects.between, (scale * low, scale * high),
                  scale * median_high(sample.errors.values()),
                  {percent: in_si(value) for percent, value in percentiles.items()},
                  None if vague else in_si(limit))
+
+
+def _in_si(key: str) -> Callable[[float], float]:
+    """Return what turns a value on the scale on which it is normal into one in SI units."""
+    return float if key in _SIGNED else exp
 
 
 def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tuple[str, str | None]]
@@ -304,9 +306,7 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
 
 
 def _outlier(name: str, axis: str, key: str, sample: _Sample, effects: Effects) -> Outlier:
-    value, error = sample.values[name], sample.errors[name]
-    scatter = (effects.between**2 + error**2)**0.5
-    spreads = (value - effects.mean) / scatter if scatter > 0 else None
-    if key in _SIGNED:
-        return Outlier(name, axis, key, None, value, effects.mean, spreads)
-    return Outlier(name, axis, key, None, exp(value), exp(effects.mean), spreads)
+    value, in_si = sample.values[name], _in_si(key)
+    scatter = (effects.between**2 + sample.errors[name]**2)**0.5
+    return Outlier(name, axis, key, None, in_si(value), in_si(effects.mean),
+                   (value - effects.mean) / scatter if scatter > 0 else None)

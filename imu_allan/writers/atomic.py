@@ -17,8 +17,7 @@ from imu_allan.errors import ImuAllanError, printable
 
 CONFIGURATION = 'configuration of a filter'
 """Kind of the files that `imu_allan.writers.filters` writes."""
-RESULT, VERDICTS, TUNING = (
-    f'document imu_allan.{name}' for name in ('result', 'check', 'tuning'))
+RESULT, VERDICTS, TUNING = (f'document imu_allan.{name}' for name in ('result', 'check', 'tuning'))
 PAGE, CERTIFICATE, JUNIT, CURVES = 'page', 'certificate', 'JUnit report', 'table of curves'
 PICTURES = {'png': 'PNG picture', 'svg': 'SVG picture', 'pdf': 'PDF'}
 """Kind of a picture by file name suffix."""

@@ -395,8 +395,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                     panel.points(times, [c.observed_rms for c in coast], shape_of(name), [
                         f'{name[-1]} axis, after {duration(c.horizon_s)}: predicted '
                         f'{number(c.predicted_sigma * factor, 3)}, observed '
-                        f'{number(c.observed_rms * factor, 3)} {typeset(shown)}'
-                        for c in coast])
+                        f'{number(c.observed_rms * factor, 3)} {typeset(shown)}' for c in coast])
 
     tested = any(axis.backtest is not None for axis in known.values())
     return sensor_chart(

@@ -60,16 +60,12 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     """Compare every result with the first, by axis, term and result."""
     reference, *others = results
     differences = []
-    for axis in AXES:
-        if not all(axis in result.axes for result in results.values()):
-            continue
-        for key in TERMS:
-            a = results[reference].axes[axis].coefficients[key]
-            for other in others:
-                b = results[other].axes[axis].coefficients[key]
-                if a.observable or b.observable:
-                    differences.append(Difference(axis, key, reference, other, (a, b),
-                                                  *_difference(a, b)))
+    shared = [axis for axis in AXES if all(axis in result.axes for result in results.values())]
+    for axis, key, other in product(shared, TERMS, others):
+        a, b = (results[name].axes[axis].coefficients[key] for name in (reference, other))
+        if a.observable or b.observable:
+            differences.append(Difference(axis, key, reference, other, (a, b),
+                                          *_difference(a, b)))
     if not differences:
         raise ImuAllanError('the results have no axis in common on which a coefficient is '
                             'observable')
@@ -121,16 +117,14 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
     names = [differences[0].reference, *others]
     labels = {name: Text(printable(name)) for name in names}
     table = bare_table('axis', 'term', 'unit', labels[names[0]], *(
-        [labels[names[1]]] if alone else ['other', 'value']),
-        'ratio', 'intervals', texts=3)
+        [labels[names[1]]] if alone else ['other', 'value']), 'ratio', 'intervals', texts=3)
     for difference in differences:
         reference, other = difference.coefficients
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
             spoken(difference.axis), TERMS[difference.key].symbol,
             engineering(1.0, reference.unit)[1], shown(reference),
-            *([] if alone else [labels[difference.other]]),
-            shown(other),
+            *([] if alone else [labels[difference.other]]), shown(other),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',
                  style='bold yellow' if beyond else ''))

@@ -6,7 +6,7 @@ The verdicts of `imu_allan.datasheet` in words, as a table, JSON, JUnit XML and 
 Figures are in the units of the datasheet. The certificate is one sheet of A4.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 import json
 from typing import Any, TYPE_CHECKING
@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 from imu_allan import wording
 from imu_allan.datasheet.verdicts import Outcome, overall, Verdict
 from imu_allan.errors import printable, shorten
-from imu_allan.result import Result
+from imu_allan.result import Inspection, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import convert, typeset, unit_of
 from imu_allan.version import __version__
@@ -57,27 +57,21 @@ def _with_figures(verdict: Verdict) -> str:
 
 def figures(verdict: Verdict) -> tuple[str, str, str]:
     """Return measured value, interval and limit, each in the unit of the specification."""
-    def converted(*values: float) -> Iterator[float]:
-        return (convert(value, verdict.unit, unit_of(verdict.specified)) for value in values)
-
-    limit = number(next(converted(verdict.limit)))
+    scale = convert(1.0, verdict.unit, unit_of(verdict.specified))
+    limit = number(scale * verdict.limit)
     if verdict.value is not None and verdict.ci95 is not None:
-        value, low, high = measured(*converted(verdict.value, *verdict.ci95))
+        value, low, high = measured(*(scale * one for one in (verdict.value, *verdict.ci95)))
         return value, f'{low} .. {high}', limit
-    if verdict.upper95 is not None:
-        return '', f'< {number(next(converted(verdict.upper95)))}', limit
-    return '', '', limit
+    return '', '' if verdict.upper95 is None else f'< {number(scale * verdict.upper95)}', limit
 
 
-def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
+def verdict_table(verdicts: Sequence[Verdict], title: str) -> 'Table':
     """Return the verdicts as a table for a terminal, with the numbers of their `reasons`."""
     from rich.text import Text
 
     table = bare_table('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
                        'verdict')
-    table.title_justify = 'left'
-    if title:
-        table.title = Text(printable(title), style='bold')
+    table.title, table.title_justify = Text(printable(title), style='bold'), 'left'
     for column in table.columns[5], table.columns[7]:
         column.justify, column.no_wrap = 'left', True
     styles = {'pass': 'green', 'fail': 'bold red', 'cannot tell': 'yellow'}
@@ -103,22 +97,19 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
 
 def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
     """Return the verdicts as JUnit XML: one test case each, skipped if undecided."""
-    counts = {outcome: str(sum(verdict.verdict == outcome for verdict in verdicts))
-              for outcome in ('pass', 'fail', 'cannot tell')}
+    outcomes = [verdict.verdict for verdict in verdicts]
     source = printable(result.source.path or result.source.topic or 'samples')
     name = printable(specification.name or 'specification')
-    totals = {'tests': str(len(verdicts)), 'failures': counts['fail'], 'errors': '0',
-              'skipped': counts['cannot tell']}
+    totals = {'tests': str(len(verdicts)), 'failures': str(outcomes.count('fail')), 'errors': '0',
+              'skipped': str(outcomes.count('cannot tell'))}
     suites = ElementTree.Element('testsuites', totals)
     suite = ElementTree.SubElement(suites, 'testsuite', {'name': f'{name}: {source}', **totals})
     if result.source.start_time:
         suite.set('timestamp', printable(result.source.start_time))
-    inspection = {} if result.inspection is None else {
-        key: printable(value) for key, value in asdict(result.inspection).items()
-        if value is not None}
-    if inspection:
+    said = vars(result.inspection or Inspection()).items()
+    if entered := {key: printable(value) for key, value in said if value is not None}:
         properties = ElementTree.SubElement(suite, 'properties')
-        for key, value in inspection.items():
+        for key, value in entered.items():
             ElementTree.SubElement(properties, 'property', {'name': key, 'value': value})
     for verdict in verdicts:
         case = ElementTree.SubElement(suite, 'testcase', {
@@ -128,25 +119,20 @@ def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseMo
                                                      'type': 'specification'})
         elif verdict.verdict == 'cannot tell':
             ElementTree.SubElement(case, 'skipped', {'message': verdict.reason})
+        centre, ends = ('none' if one is None else one for one in (verdict.value, verdict.ci95))
         ElementTree.SubElement(case, 'system-out').text = (
-            f'measured {_text(verdict.value)}, 95 % interval '
-            f'{_text(verdict.ci95)}, limit {verdict.limit!r} {verdict.unit} '
+            f'measured {centre}, 95 % interval {ends}, limit {verdict.limit!r} {verdict.unit} '
             f'({printable(verdict.specified)})')
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
-
-
-def _text(value: Any) -> str:
-    return 'none' if value is None else str(value)
 
 
 def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel
                      ) -> str:
     """Return the certificate of a unit: HTML without script, for one sheet of A4."""
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
-    title = specification.name or 'specification'
-    if result.inspection is not None and result.inspection.serial is not None:
-        title = f'{title}, {result.inspection.serial}'
+    inspection = result.inspection or Inspection()
+    title = ', '.join(filter(None, (specification.name or 'specification', inspection.serial)))
     # Sign and class of each.
     marks: dict[Outcome, tuple[str, str]] = {
         'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'undecided')}
@@ -160,20 +146,19 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
                          for key in dict.fromkeys(verdict.key for verdict, _ in own)}
                 for sensor in wording.SENSORS if (own := [
                     one for one in numbered if one[0].axis.startswith(sensor)])},
-        marks=marks, figures=figures, shown=_shown,
-        findings=findings_line(result),
+        marks=marks, figures=figures, shown=_shown, findings=findings_line(result),
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:most]],
-        more=len(sentences) - most if len(sentences) > most else 0)
+        more=max(len(sentences) - most, 0))
 
 
 def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:
-    source, timeline, inspection = result.source, result.timeline, result.inspection
+    source, timeline = result.source, result.timeline
+    inspection = result.inspection or Inspection()
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-    facts = [('serial number', inspection.serial if inspection else None),
-             ('specification', specification.name),
-             ('operator', inspection.operator if inspection else None),
-             ('recording', source.path), ('station', inspection.station if inspection else None),
-             ('topic', source.topic), ('recorded', source.start_time),
+    facts = [('serial number', inspection.serial), ('specification', specification.name),
+             ('operator', inspection.operator), ('recording', source.path),
+             ('station', inspection.station), ('topic', source.topic),
+             ('recorded', source.start_time),
              ('samples', f'{timeline.samples:,}{rate}, {wording.duration(timeline.duration_s)}')]
     return [(name, shorten(printable(value), _LONGEST)) for name, value in facts
             if value is not None]

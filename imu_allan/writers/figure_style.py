@@ -75,12 +75,12 @@ def plot_style() -> Iterator[None]:
         yield
 
 
-def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[AxisResult]]
+def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Mapping[str, AxisResult]]
                  ) -> Iterator[tuple[str, Axes]]:
     """Yield every axis with its panel: one row per sensor, with a common scale."""
     for row, sensor in enumerate(dict.fromkeys(name.partition('_')[0] for name in curves)):
         names = [name for name in curves if name.startswith(sensor)]
-        limits = limits_of([axis for name in names for axis in curves[name]])
+        limits = limits_of([axis for name in names for axis in curves[name].values()])
         for column, name in enumerate(names):
             panel = figure.add_subplot(grid[row, column])
             frame(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)

@@ -16,8 +16,8 @@ import os
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
-from urllib.parse import quote
 
+from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.finding_messages import for_display
 from imu_allan.fleet.population import (
@@ -34,18 +34,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import (
-    bounded,
-    counted,
-    duration,
-    listed,
-    named,
-    number,
-    ranged,
-    rounded,
-    SENSORS,
-    spoken,
-)
+from imu_allan.wording import counted, listed, named, number, ranged, rounded
 from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.figure_style import DARK
@@ -97,11 +86,9 @@ class Fleet:
         groups: dict[tuple[object, ...], list[Outlier]] = {}
         for outlier in self.population.outliers:
             if outlier.unit == unit:
-                signed = outlier.key in (MEAN, 'rate_ramp') or outlier.median == 0
                 groups.setdefault((
-                    outlier.key and quantity_name(outlier.axis, outlier.key), outlier.fault,
-                    outlier.key and _unit_of(outlier), signed, outlier.spreads is None),
-                    []).append(outlier)
+                    outlier.key and (outlier.key, AXES[outlier.axis]), outlier.fault,
+                    _by_difference(outlier), outlier.spreads is None), []).append(outlier)
         return [sentence(*same) for same in groups.values()]
 
     @property
@@ -134,25 +121,23 @@ def sentence(*same: Outlier) -> str:
     axes = first.axis if len(same) == 1 else named([outlier.axis for outlier in same])
     if first.key is None or first.value is None or first.median is None:
         return f'{axes} {"is" if len(same) == 1 else "are"} {first.fault}'
-    unit = _unit_of(first)
-    shown_unit = engineering(1.0, unit)[1]
-
-    values, medians = ([engineering(value or 0.0, unit)[0] for value in each] for each in zip(
-        *((outlier.value, outlier.median) for outlier in same), strict=True))
+    quantity = AXES[first.axis]
+    unit = quantity.unit if first.key == MEAN else TERMS[first.key].unit(quantity)
+    scale, shown_unit = engineering(1.0, unit)
+    values = [scale * (outlier.value or 0.0) for outlier in same]
+    medians = [scale * (outlier.median or 0.0) for outlier in same]
     spreads = [abs(outlier.spreads) for outlier in same if outlier.spreads is not None]
     away = f', {ranged(spreads, "{:.1f}".format)} spreads away' if spreads else ''
     what = f'{axes} {quantity_name(first.axis, first.key)} {ranged(values, number)} {shown_unit}'
-    if first.key in (MEAN, 'rate_ramp') or first.median == 0:
+    if _by_difference(first):
         return f'{what}: the mean of the others is {ranged(medians, number)}{away}'
     ratios = [value / median for value, median in zip(values, medians, strict=True)]
     return f'{what}: {ranged(ratios, rounded)} times the median of the others{away}'
 
 
-def _unit_of(outlier: Outlier) -> str:
-    quantity = AXES[outlier.axis]
-    if outlier.key is None or outlier.key == MEAN:
-        return quantity.unit
-    return TERMS[outlier.key].unit(quantity)
+def _by_difference(outlier: Outlier) -> bool:
+    """Return whether a value has no ratio to the median: it has a sign, or the median is 0."""
+    return outlier.key in (MEAN, 'rate_ramp') or outlier.median == 0
 
 
 def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
@@ -170,8 +155,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
             'outliers. With fewer than five units, no number makes one an outlier. Spread: '
             'between units, measurement error apart, or its 95 % upper limit where none shows. '
             '95/95: 95 % of all such units keep it, with 95 % confidence, where enough units are '
-            'known'],
-            width, 'dim')]
+            'known'], width, 'dim')]
     if fleet.unseen:
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
     parts += wrapped([', '.join(counts(fleet))], width, 'bold')
@@ -186,12 +170,12 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
 def counts(fleet: Fleet) -> list[str]:
     """Return the numbers of units, outliers and failed recordings as text."""
     odd = len(fleet.population.outlier_units)
-    few = not fleet.population.traits and not odd and fleet.population.one_model
-    return [counted(len(fleet.results), 'unit'),
-            f'too few to compare (fewer than {FEWEST_UNITS})'
-            if few and len(fleet.results) < FEWEST_UNITS else
-            counted(odd, 'outlier') if odd else 'no outlier' if fleet.population.one_model else
-            'not compared: topics may be of different models',
+    outliers = (
+        counted(odd, 'outlier') if odd else
+        'not compared: topics may be of different models' if not fleet.population.one_model else
+        f'too few to compare (fewer than {FEWEST_UNITS})' if len(fleet.results) < FEWEST_UNITS else
+        'no outlier')
+    return [counted(len(fleet.results), 'unit'), outliers,
             *([f'{len(fleet.failures)} not counted'] if fleet.failures else [])]
 
 
@@ -201,21 +185,20 @@ def cells(trait: Trait) -> tuple[str, ...]:
         return rounded(engineering(value, trait.unit)[0])
 
     symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
-    return (spoken(trait.axis), symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
+    return (wording.spoken(trait.axis), symbol, engineering(1.0, trait.unit)[1],
+            shown(trait.median),
             ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
             shown(trait.between) if trait.between else
-            bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
-            shown(trait.measurement),
-            '' if trait.tolerance is None else shown(trait.tolerance),
+            wording.bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
+            shown(trait.measurement), '' if trait.tolerance is None else shown(trait.tolerance),
             f'{trait.observable} of {trait.units}')
 
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``fleet.json``, ``fleet.csv`` and ``fleet.html``."""
-    return write_files(folder, {
-        'fleet.json': lambda: fleet_json(fleet).encode(),
-        'fleet.csv': lambda: fleet_csv(fleet).encode(),
-        'fleet.html': lambda: fleet_html(fleet).encode()})
+    return write_files(folder, {'fleet.json': lambda: fleet_json(fleet).encode(),
+                                'fleet.csv': lambda: fleet_csv(fleet).encode(),
+                                'fleet.html': lambda: fleet_html(fleet).encode()})
 
 
 def fleet_json(fleet: Fleet) -> str:
@@ -279,16 +262,14 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     population = fleet.population
     return rendered(
         'fleet.html', version=__version__, title=printable(title),
-        style=Markup(text_of('report.css')), light=_colours(dict.fromkeys(DARK)),
-        dark=_colours(DARK),
-        facts=_facts(fleet),
-        fleet=fleet, link=_link, worst=_worst, findings=findings_line,
-        picture=(Markup(_svg(curves_figure(fleet.results, population)))
-                 if fleet.results else ''),
+        style=Markup(text_of('report.css')), light=_colours({colour: colour for colour in DARK}),
+        dark=_colours(DARK), facts=_facts(fleet), fleet=fleet, worst=_worst,
+        findings=findings_line,
+        picture=Markup(_svg(curves_figure(fleet.results, population))) if fleet.results else '',
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
         # For each, the worst axis of a unit is shown.
-        columns=[(sensor, key) for sensor in SENSORS
+        columns=[(sensor, key) for sensor in wording.SENSORS
                  for key in ('noise_density', 'bias_instability')])
 
 
@@ -296,7 +277,7 @@ def _facts(fleet: Fleet) -> list[str]:
     lengths = [result.timeline.duration_s for result in fleet.results.values()]
     facts = counts(fleet)
     if lengths:
-        shortest, longest = duration(min(lengths)), duration(max(lengths))
+        shortest, longest = wording.duration(min(lengths)), wording.duration(max(lengths))
         facts.insert(1, shortest if shortest == longest else f'{shortest} to {longest} each')
     return facts
 
@@ -310,9 +291,9 @@ def _svg(figure: Any) -> str:
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
 
 
-def _colours(shown: Mapping[str, str | None]) -> str:
+def _colours(shown: Mapping[str, str]) -> str:
     """Return what each colour of a picture is on a page, as a style sheet says it."""
-    return ' '.join(f'--c{colour[1:]}: {own or colour};' for colour, own in shown.items())
+    return ' '.join(f'--c{colour[1:]}: {own};' for colour, own in shown.items())
 
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
@@ -323,10 +304,4 @@ def _worst(result: Result, sensor: str, key: str) -> str:
     """Return the largest value of the axes as text or, without values, the largest bound."""
     axes = axes_of(result, sensor)
     worst = worst_of(axes, key)
-    if worst is None:
-        return ''
-    return (reported(axes[worst].coefficients[key]) or ('',))[0]
-
-
-def _link(fleet: Fleet, unit: str) -> str | None:
-    return f'{quote(unit)}/report.html' if fleet.folders else None
+    return '' if worst is None else reported(axes[worst].coefficients[key])[0]

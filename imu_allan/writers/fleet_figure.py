@@ -5,19 +5,11 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imu_allan.arrays import Array
 from imu_allan.errors import printable, shorten
 from imu_allan.fleet.population import Population
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
-from imu_allan.writers.figure_style import (
-    allan_panels,
-    COLOURS,
-    DASHES,
-    empty_figure,
-    plot_style,
-    SERIES,
-)
+from imu_allan.writers import figure_style as style
 from imu_allan.writers.panels import draw_curve
 import numpy as np
 
@@ -29,46 +21,46 @@ if TYPE_CHECKING:
 
 def curves_figure(results: Mapping[str, Result], fleet: Population, title: str = '') -> 'Figure':
     """Draw the Allan deviations of a fleet or of results to compare, one panel per axis."""
-    few = len(results) <= len(SERIES)
+    few = len(results) <= len(style.SERIES)
     # The band of a population is blue; outliers beyond the others are named only in the table.
     colours = dict(zip(results if few else fleet.outlier_units,
-                       SERIES if few else SERIES[1:], strict=False))
-    drawn = {name: list(found.values()) for name in AXES if (found := _axes(results, fleet, name))}
+                       style.SERIES if few else style.SERIES[1:], strict=False))
+    drawn = {name: axes for name in AXES if (axes := {
+        unit: results[unit].axes[name] for unit in fleet.units if name in results[unit].axes})}
     rows = max(1, len({name.partition('_')[0] for name in drawn}))
     height = 0.9 + 3.7 * rows
-    with plot_style():
+    with style.plot_style():
         # In this width, text of 8 points is 11 pixels high on the page.
-        figure = empty_figure(11.0, height)
+        figure = style.empty_figure(11.0, height)
         grid = figure.add_gridspec(rows, 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
                                    bottom=0.55 / height, top=1 - 1.15 / height)
-        figure.text(0.02, 1 - 0.25 / height,
-                    title or f'Allan deviation of {len(results)} units', fontsize=13,
-                    fontweight='bold', va='center')
+        figure.text(0.02, 1 - 0.25 / height, title or f'Allan deviation of {len(results)} units',
+                    fontsize=13, fontweight='bold', va='center')
         figure.text(0.02, 1 - 0.5 / height,
                     'points: measured · line: fitted · band: 95 % interval' if few else
                     'line: median · band: nine in ten units · in colour: outliers', fontsize=8.5,
-                    va='center', color=COLOURS['soft'])
+                    va='center', color=style.COLOURS['soft'])
         named: dict[str, Line2D] = {}
-        for name, panel in allan_panels(figure, grid, drawn):
-            axes = _axes(results, fleet, name)
+        for name, panel in style.allan_panels(figure, grid, drawn):
+            axes = drawn[name]
             if not few:
                 _draw_population(panel, [axis for unit, axis in axes.items()
                                          if unit not in fleet.outlier_units])
             for place, (unit, colour) in enumerate(colours.items()):
-                look = 'os^Dv*P'[place], [*DASHES.values()][place % len(DASHES)]
+                marker, dashes = 'os^Dv*P'[place], [*style.DASHES.values()][place % 3]
                 if unit in axes:
-                    draw_curve(panel, axes[unit], colour, look[0], dashes=look[1])
-                    [named[unit]] = panel.plot([], [], color=colour, marker=look[0],
-                                               linestyle=look[1], markersize=4.4)
+                    draw_curve(panel, axes[unit], colour, marker, dashes=dashes)
+                    [named[unit]] = panel.plot([], [], color=colour, marker=marker,
+                                               linestyle=dashes, markersize=4.4)
         # A legend, as names beside the curves would overlap; the places tell names apart that were
         # shortened to the same.
         names = [shorten(printable(name), 18) for name in named]
         if len({*names}) < len(names):
             names = [f'{place} {shorten(name, 15)}' for place, name in enumerate(names, 1)]
-        figure.legend([*named.values()], names,
-                      loc='upper left', bbox_to_anchor=(0.013, 1 - 0.58 / height),
-                      ncol=len(SERIES), frameon=False, fontsize=8, borderpad=0, handlelength=1.8,
-                      handletextpad=0.5, columnspacing=1.4)
+        figure.legend([*named.values()], names, loc='upper left',
+                      bbox_to_anchor=(0.013, 1 - 0.58 / height), ncol=len(style.SERIES),
+                      frameon=False, fontsize=8, borderpad=0, handlelength=1.8, handletextpad=0.5,
+                      columnspacing=1.4)
         return figure
 
 
@@ -78,26 +70,16 @@ def _draw_population(panel: 'Axes', axes: Sequence[AxisResult]) -> None:
     # More than some 200 grey curves are indistinguishable and enlarge a vector file.
     step = max(1, len(usual) // 200)
     for curve in usual[::step]:
-        panel.plot(curve.tau_s, curve.adev, color=COLOURS['gap'], linewidth=0.6, alpha=0.45,
+        panel.plot(curve.tau_s, curve.adev, color=style.COLOURS['gap'], linewidth=0.6, alpha=0.45,
                    zorder=2)
     if usual:
-        longest = max(usual, key=lambda curve: len(curve.tau_s))
-        tau = np.array(longest.tau_s)
-        low, middle, high = _percentiles([(np.array(c.tau_s), np.array(c.adev)) for c in usual],
-                                         tau)
-        panel.fill_between(tau, low, high, color=COLOURS['z'], alpha=0.18, linewidth=0,
+        tau = np.array(max((curve.tau_s for curve in usual), key=len))
+        rows = []
+        for curve in usual:
+            adev = np.array(curve.adev)
+            rows.append(np.interp(np.log(tau), np.log(curve.tau_s)[adev > 0],
+                                  np.log(adev[adev > 0]), left=np.nan, right=np.nan))
+        low, middle, high = np.exp(np.nanpercentile(rows, (5, 50, 95), axis=0))
+        panel.fill_between(tau, low, high, color=style.COLOURS['z'], alpha=0.18, linewidth=0,
                            zorder=3)
-        panel.plot(tau, middle, color=COLOURS['ink'], linewidth=1.4, zorder=4)
-
-
-def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array) -> tuple[Array, Array, Array]:
-    """Return the 5, 50 and 95 % percentiles of the curves at each averaging time."""
-    rows = [np.interp(np.log(tau), np.log(times[adev > 0]), np.log(adev[adev > 0]),
-                      left=np.nan, right=np.nan) for times, adev in curves]
-    low, middle, high = np.exp(np.nanpercentile(rows, (5, 50, 95), axis=0))
-    return low, middle, high
-
-
-def _axes(results: Mapping[str, Result], fleet: Population, name: str) -> dict[str, AxisResult]:
-    return {unit: results[unit].axes[name] for unit in fleet.units
-            if name in results[unit].axes}
+        panel.plot(tau, middle, color=style.COLOURS['ink'], linewidth=1.4, zorder=4)

@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
-from imu_allan.writers import plot
-from imu_allan.writers.atomic import (
-    CONFIGURATION,
-    CURVES,
-    Files,
-    PAGE,
-    PICTURES,
-    RESULT,
-    write_files,
-)
+from imu_allan.writers import atomic, plot
 from imu_allan.writers.curves import sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.result_file import curves_csv
@@ -37,9 +28,9 @@ class IncompleteSave(ImuAllanError):
 
 def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
     """Return the kinds (see `imu_allan.writers.atomic`) of the files of `save_folder` by name."""
-    return {'result.json': RESULT, 'curve.csv': CURVES,
-            **{CONSUMERS[consumer].file: CONFIGURATION for consumer in exports},
-            'report.html': PAGE, 'allan_deviation.png': PICTURES['png']}
+    return {'result.json': atomic.RESULT, 'curve.csv': atomic.CURVES,
+            **{CONSUMERS[consumer].file: atomic.CONFIGURATION for consumer in exports},
+            'report.html': atomic.PAGE, 'allan_deviation.png': atomic.PICTURES['png']}
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
@@ -62,7 +53,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
             return None
 
     # Write the result first, since it cannot be recreated.
-    paths = write_files(folder, {
+    paths = atomic.write_files(folder, {
         'result.json': lambda: result.to_json().encode(),
         'curve.csv': lambda: curves_csv(result).encode(),
         **{CONSUMERS[consumer].file: partial(configuration, consumer) for consumer in exports},
@@ -74,25 +65,26 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     return paths
 
 
-def report_files(result: Result, formats: Sequence[str] = plot.FORMATS) -> Files:
+def report_files(result: Result, formats: Sequence[str] = plot.FORMATS) -> atomic.Files:
     """Return ``report.html``, ``allan_deviation.FORMAT`` and, per sensor, ``gyro.FORMAT``."""
     from imu_allan.writers.report import report_html
 
-    files: Files = {'report.html': lambda: report_html(result).encode(),
-                    **_plots(lambda: plot.overview_figure(result), 'allan_deviation', formats)}
+    files: atomic.Files = {
+        'report.html': lambda: report_html(result).encode(),
+        **_plots(lambda: plot.overview_figure(result), 'allan_deviation', formats)}
     for sensor in sensors_of(result):
         files |= _plots(partial(plot.sensor_figure, result, sensor), sensor, formats)
     return files
 
 
-def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str]) -> Files:
+def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str]) -> atomic.Files:
     drawn = cache(figure)
     return {f'{name}.{kind}': partial(lambda kind: plot.render(drawn(), kind), kind)
             for kind in formats}
 
 
 def comparison_files(results: Mapping[str, Result], formats: Sequence[str] = plot.FORMATS
-                     ) -> Files:
+                     ) -> atomic.Files:
     """Return ``comparison.html`` and ``comparison.FORMAT``, of many results as a population."""
     from imu_allan.writers.fleet import Fleet, fleet_html
     from imu_allan.writers.fleet_figure import curves_figure

@@ -20,6 +20,7 @@ from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
+from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.writers.curves import axes_of, reported, sensors_of
 
 AIDING_S = 0.1
@@ -88,10 +89,9 @@ def key_figures(result: Result, aiding_s: float = AIDING_S, coast_s: float = COA
             sensor, all(axis.constant for axis in axes.values()),
             {key: (worst[-1], axes[worst].coefficients[key])
              for key in ('noise_density', 'rate_random_walk')
-             for worst in [worst_of(axes, key)] if worst is not None},
-            tunings, _for_filter(axes, tunings.values()), *_forecast(sensor, known, coast_s), any(
-                axis.drift_model is not None and axis.drift_model.to_s * (1 + 1e-6) < coast_s
-                for axis in known.values())))
+             if (worst := worst_of(axes, key)) is not None},
+            tunings, _for_filter(axes, tunings.values()), *_forecast(sensor, known, coast_s),
+            known_less_than(known, coast_s) is not None))
     return found
 
 

@@ -36,6 +36,5 @@ def _environment() -> 'Environment':
     environment.filters |= {
         'counted': wording.counted, 'datasheet': lambda unit: engineering(1, unit)[1],
         'duration': wording.duration, 'printable': printable, 'spoken': wording.spoken,
-        'to': lambda value, form: '' if value is None else format(value, form),
-        'typeset': typeset}
+        'to': lambda value, form: '' if value is None else format(value, form), 'typeset': typeset}
     return environment

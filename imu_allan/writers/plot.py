@@ -17,15 +17,7 @@ from imu_allan.errors import printable, shorten
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.writers import curves
-from imu_allan.writers.figure_style import (
-    COLOURS,
-    DASHES,
-    empty_figure,
-    frame,
-    MARKERS,
-    plot_style,
-)
+from imu_allan.writers import curves, figure_style as style
 from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
 
 if TYPE_CHECKING:
@@ -66,23 +58,23 @@ def plot(result: Result | AxisResult) -> 'Figure':
 def _axis_figure(axis: AxisResult) -> 'Figure':
     """Draw the Allan deviation of an axis, its intervals, the fitted model and its terms."""
     sensor = 'gyro' if axis.quantity == AXES['gyro_x'] else 'accel'
-    with plot_style():
-        figure = empty_figure(7.0, 5.0)
+    with style.plot_style():
+        figure = style.empty_figure(7.0, 5.0)
         panel = figure.add_axes((0.13, 0.11, 0.73, 0.85))
-        frame(panel, sensor, curves.limits_of([axis], rings=True))
-        draw_curve(panel, axis, COLOURS['x'])
+        style.frame(panel, sensor, curves.limits_of([axis], rings=True))
+        draw_curve(panel, axis, style.COLOURS['x'])
         draw_terms(panel, axis)
     return figure
 
 
 def overview_figure(result: Result) -> 'Figure':
     """Draw the Allan deviation of all axes, coefficients above and signal below, on one sheet."""
-    with plot_style():
+    with style.plot_style():
         sensors = curves.sensors_of(result)
         halves = max(1, len(sensors))
         live = [sensor for sensor in sensors
                 if any(any(axis.curve.adev) for axis in curves.axes_of(result, sensor).values())]
-        figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
+        figure = style.empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
         _write_heading(figure, result)
         for column, sensor in enumerate(sensors):
             axes = curves.axes_of(result, sensor)
@@ -93,12 +85,12 @@ def overview_figure(result: Result) -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
-            frame(panel, sensor, curves.limits_of(axes.values()))
+            style.frame(panel, sensor, curves.limits_of(axes.values()))
             # The table above names the axes by their markers.
             for name, axis in axes.items():
                 if any(axis.curve.adev):
-                    draw_curve(panel, axis, COLOURS[name[-1]], MARKERS[name[-1]],
-                               result.timeline, DASHES[name[-1]])
+                    draw_curve(panel, axis, style.COLOURS[name[-1]], style.MARKERS[name[-1]],
+                               result.timeline, style.DASHES[name[-1]])
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
             draw_signal(strip, axes, result)
         return figure
@@ -107,38 +99,36 @@ def overview_figure(result: Result) -> 'Figure':
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
     axes = curves.axes_of(result, sensor)
-    with plot_style():
-        figure = empty_figure(5.2 * len(axes) + 0.6, 11.2)
+    with style.plot_style():
+        figure = style.empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
         _write_heading(figure, result, wording.SENSORS[sensor])
         limits = curves.limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
-            colour, marker = COLOURS[name[-1]], MARKERS[name[-1]]
+            colour, marker = style.COLOURS[name[-1]], style.MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
-            frame(allan, sensor, limits, **ends)
+            style.frame(allan, sensor, limits, **ends)
             draw_curve(allan, axis, colour, marker, result.timeline)
             draw_terms(allan, axis)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             draw_density(density, axis, result.timeline, colour)
-            frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
+            style.frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
                   of_spectrum=True, **ends)
             first = [first[0] or allan, first[1] or density]
         draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
         return figure
 
 
-def render(figure: 'Figure', format: str = 'png',  # noqa: A002
-           dpi: float = 150) -> bytes:
+def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:  # noqa: A002
     """Return a figure as the content of a file."""
     content = io.BytesIO()
     # Make the bytes reproducible: no date, and no random identifiers in SVG.
-    metadata = {'png': {'Software': None}, 'svg': {'Date': None},
-                'pdf': {'CreationDate': None}}[format]
-    with plot_style(), warnings.catch_warnings():
+    metadata = {{'png': 'Software', 'svg': 'Date', 'pdf': 'CreationDate'}[format]: None}
+    with style.plot_style(), warnings.catch_warnings():
         # Characters of a frame_id that the font lacks are drawn as boxes; do not warn about them.
         warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
         figure.savefig(content, format=format, dpi=dpi, metadata=metadata,
@@ -156,7 +146,7 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
                'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
     figure.text(left, 1 - 1.35 / top, '; '.join(
         f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
-        color=COLOURS['soft'], va='center')
+        color=style.COLOURS['soft'], va='center')
 
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
@@ -165,7 +155,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
     write = partial(panel.text, va='center')
-    right_soft = partial(write, ha='right', color=COLOURS['soft'])
+    right_soft = partial(write, ha='right', color=style.COLOURS['soft'])
     write(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold')
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable or curves.power_law_note(axis, key)
@@ -177,12 +167,12 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
         unit = typeset(engineering(1.0, term.unit(AXES[next(iter(axes))]))[1])
         right_soft(right, 3.15, f'{term.symbol}  [{unit}]', fontsize=8)
     for row, (name, axis) in enumerate(axes.items()):
-        height, colour = 2.3 - 0.9 * row, COLOURS[name[-1]]
-        panel.plot([0.012], [height], MARKERS[name[-1]], color=colour, markersize=5)
+        height, colour = 2.3 - 0.9 * row, style.COLOURS[name[-1]]
+        panel.plot([0.012], [height], style.MARKERS[name[-1]], color=colour, markersize=5)
         write(0.035, height, name[-1], color=colour, fontsize=9.5, fontweight='bold')
         if axis.constant:
             write(0.08, height, 'constant: every sample is the same', fontsize=7,
-                  color=COLOURS['soft'])
+                  color=style.COLOURS['soft'])
             continue
         for term, right in zip(terms, rights, strict=True):
             said = curves.reported(axis.coefficients[term.key])
@@ -212,5 +202,5 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),
             (key, 0.70, 8.5, 'soft', 'normal')):
         # Names from a recording are plain text: a dollar sign does not start a formula.
-        figure.text(0.02, 1 - below / top, text, fontsize=size, color=COLOURS[colour],
+        figure.text(0.02, 1 - below / top, text, fontsize=size, color=style.COLOURS[colour],
                     fontweight=weight, va='center', parse_math=False)

@@ -80,11 +80,9 @@ def comparison_html(results: Mapping[str, Result]) -> str:
     """Return a report that compares several results with the first of them."""
     differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
-    drawn = [*filter(None, (charts.comparison_chart(named_results, axis) for axis in AXES))]
-    summaries = [
-        {'name': name, 'place': place, 'source': ' '.join(wording.names_of(result)),
-         'facts': _facts(result)}
-        for place, (name, result) in enumerate(named_results.items())]
+    drawn = [chart for axis in AXES if (chart := charts.comparison_chart(named_results, axis))]
+    summaries = [{'name': name, 'source': ' '.join(wording.names_of(result)),
+                  'facts': _facts(result)} for name, result in named_results.items()]
     return _page('comparison.html', shown=shown, verdicts=verdicts(differences), charts=drawn,
                  title='Allan deviation compared', summaries=summaries,
                  differences=differences, version=__version__)

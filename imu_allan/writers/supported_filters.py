@@ -162,10 +162,10 @@ def consumer_called(text: str) -> str:
     if found is not None:
         return found
     near = get_close_matches(name, [*CONSUMERS, *_ALIASES], n=3, cutoff=0.7)
-    meant = ' or '.join(dict.fromkeys(_ALIASES.get(word, word) for word in near))
-    raise KeyError(f'no consumer is called {shorten(printable(repr(text)), 60)}'
-                   + (f'; did you mean {meant}? imu_allan' if meant else '; imu_allan')
-                   + ' export --list names all')
+    names = ' or '.join(dict.fromkeys(_ALIASES.get(word, word) for word in near))
+    meant = f'did you mean {names}? ' if near else ''
+    raise KeyError(f'no consumer is called {shorten(printable(repr(text)), 60)}; {meant}imu_allan '
+                   'export --list names all')
 
 
 def consumers_by_family() -> str:

@@ -54,26 +54,26 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    verdicts = list(wrapped(verdict_lines(result, units), width, 'bold'))
+    verdicts = wrapped(verdict_lines(result, units), width, 'bold')
     # The measured K also stands in the table, if a line is wanting.
-    tuned = [list(wrapped(filter_lines(result, found, width, measured=measured), width))
+    tuned = [wrapped(filter_lines(result, found, width, measured=measured), width)
              for measured in (True, False)]
     heading = _heading(result, width)
     tables = _tables(result, found, width, units, verbose=verbose)
-    notes = list(wrapped(_notes(result), width, 'dim')) if verbose else []
+    notes = wrapped([_note(result)], width, 'dim') if verbose else []
     said = [line for severity, text in in_full(full, together=not verbose)
             for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
-    names = min((list(wrapped(filter(None, [good_to_know(known, more)]), width, 'dim'))
+    names = min((wrapped([good_to_know(known, more)], width, 'dim')
                  for more in ('imu_allan explain NAME, or --verbose', 'imu_allan explain NAME')),
                 key=len)
-    count = list(wrapped([f'Good to know: {wording.counted(len(known), "finding")} (--verbose).']
-                         if known else [], width, 'dim'))
+    count = wrapped([f'Good to know: {wording.counted(len(known), "finding")} (--verbose).']
+                    if known else [], width, 'dim')
     middles = [tables]
     screen = 23   # lines for a result, as the last of 24 says how to save it
     # If head and tables fit on a screen but not with the findings, omit the coefficients.
     if width >= COLUMNS and sum(
             map(len, (verdicts, tuned[-1], heading, *tables, count))) <= screen:
-        middles.append([list(wrapped(['Coefficients of each axis: --verbose.'], width, 'dim'))])
+        middles.append([wrapped(['Coefficients of each axis: --verbose.'], width, 'dim')])
     for middle, last, for_filter in product(middles, (names, count), tuned):
         blocks = [block for block in (
             verdicts, for_filter, heading, *middle, notes, [*said, *last]) if block]
@@ -87,14 +87,12 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
 def _heading(result: Result, width: int) -> 'list[Text]':
     """Return the lines on what was analyzed: names, amount of data, and faults of its times."""
     frame = [f'frame {printable(result.source.frame_id)}'] if result.source.frame_id else []
-    amount = wording.amount_of(result.timeline)
-    faults = ', '.join(wording.faults_of(result.timeline))
     names = '  '.join([*wording.names_of(result), *frame])
-    amount = '; '.join(filter(None, (amount, faults)))
+    faults = ', '.join(wording.faults_of(result.timeline))
+    amount = '; '.join(filter(None, (wording.amount_of(result.timeline), faults)))
     style = 'yellow' if faults else 'default'
-    apart = [*wrapped([names], width), *wrapped([amount], width, style)]
-    return min((apart, list(wrapped([f'{names}  {amount}'], min(width, COLUMNS), style))),
-               key=len)
+    apart = wrapped([names], width) + wrapped([amount], width, style)
+    return min(apart, wrapped([f'{names}  {amount}'], min(width, COLUMNS), style), key=len)
 
 
 def _tables(result: Result, found: Sequence[KeyFigures], width: int, units: Units, *,
@@ -177,11 +175,8 @@ def _lines(cells: 'Sequence[Sequence[Text]]') -> 'list[Text]':
     return lines
 
 
-def _notes(result: Result) -> list[str]:
+def _note(result: Result) -> str:
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
-    words = []
-    if any(not c.observable and c.upper95 is not None for c in cells):
-        words.append('"<": below it with 95 % confidence.')
-    if longer := longer_recording_note(result):
-        words.append(longer)
-    return [' '.join(words)]
+    bounded = any(not c.observable and c.upper95 is not None for c in cells)
+    return ' '.join(filter(None, ('"<": below it with 95 % confidence.' if bounded else '',
+                                  longer_recording_note(result))))

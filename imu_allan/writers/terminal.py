@@ -6,7 +6,7 @@ Width of printed output: that of the terminal; output to a pipe is not wrapped o
 The variable COLUMNS overrides both, as it does for ``ls`` and ``ps``.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 import os
 from typing import TextIO, TYPE_CHECKING
 
@@ -40,25 +40,24 @@ def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
 
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for place, heading in enumerate(headings):
-        table.add_column(heading, justify='left' if place < texts else 'right',
-                         overflow='fold')
+        table.add_column(heading, justify='left' if place < texts else 'right', overflow='fold')
     return table
 
 
 def wrapped(texts: Iterable[str], width: int, style: str = 'default', indent: int = 2
-            ) -> 'Iterator[Text]':
+            ) -> 'list[Text]':
     """Wrap texts at words, indent continuation lines, and keep intervals and units whole."""
     import re
     from textwrap import wrap
 
     from rich.text import Text
 
-    for text in texts:
-        # Lines are not broken at a no-break space.
-        joined = re.sub(r'(?<=\d) (?=[%A-Za-z])|(?<=\d h) (?=\d)|(?<=\d min) (?=\d)|'
-                        r'(?<= [BK]:) (?=\d)|(?<=\d) (?=\.\. )|(?<=\d \.\.) ', '\xa0', text)
-        for line in wrap(joined, width, subsequent_indent=' ' * indent, break_on_hyphens=False):
-            yield Text(line.replace('\xa0', ' '), style=style)
+    whole = (r'(?<=\d) (?=[%A-Za-z])|(?<=\d h) (?=\d)|(?<=\d min) (?=\d)|'
+             r'(?<= [BK]:) (?=\d)|(?<=\d) (?=\.\. )|(?<=\d \.\.) ')
+    # Lines are not broken at a no-break space.
+    return [Text(line.replace('\xa0', ' '), style=style) for text in texts for line in wrap(
+        re.sub(whole, '\xa0', text), width, subsequent_indent=' ' * indent,
+        break_on_hyphens=False)]
 
 
 def print_wrapped(text: str) -> None:

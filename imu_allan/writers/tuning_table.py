@@ -62,10 +62,10 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     if aiding_s * (rate_hz := result.timeline.sample_rate_hz or np.inf) < 1 - 1e-6:
         parts.append(Text(f'That is faster than the samples of this recording, {rate_hz:.6g} Hz: '
                           'noise between two of them is taken for white.'))
-    for title, axes in _by_sensor(known_axes(result)).items():
+    for title, axes in _by_sensor(result).items():
         axis = next(iter(axes.values()))
-        noise, drift = (axis.coefficients[key].unit for key in ('noise_density',
-                                                                'rate_random_walk'))
+        noise, drift = (axis.coefficients[key].unit
+                        for key in ('noise_density', 'rate_random_walk'))
         # The rows with measured coefficients give K even if the filter uses a Gauss-Markov bias.
         second = ('filter K', f'filter K {drift}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {drift}')
@@ -85,20 +85,20 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     return Group(*parts)
 
 
-def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult]]:
+def _by_sensor(result: Result) -> dict[str, dict[str, AxisResult]]:
     return {title: own for sensor, title in SENSORS.items() if (own := {
-        name: axis for name, axis in axes.items() if name.startswith(sensor)})}
+        name: axis for name, axis in known_axes(result).items() if name.startswith(sensor)})}
 
 
 def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
-    predicted = number(choice['coast_sigma'], 3)
     if choice['random_walk'] is None:
         second = f'{number(choice["sigma"], 3)}, {duration(choice["correlation_time_s"])}'
     else:
         second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if bound else '')
                   + number(choice['random_walk'], 3))
     return [choice['numbers'], number(choice['noise_density'], 3), second,
-            f'{choice["nis"]:.3g}', f'{choice["coast_ratio"]:.3g}', predicted]
+            f'{choice["nis"]:.3g}', f'{choice["coast_ratio"]:.3g}',
+            number(choice['coast_sigma'], 3)]
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
@@ -112,7 +112,10 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
 
 def sentences(result: Result, coast_s: float) -> list[str]:
     """Return the notes below the tables: omitted axes, trends, and steadiness."""
-    said = _left_out(result)
+    # The axes without numbers, and the reason if it is known.
+    unknown = 'too short for a drift model, or from an older version'
+    said = [f'{spoken(name)} is left out: {why_left_out(axis) or unknown}.'
+            for name, axis in result.axes.items() if axis.drift_model is None]
     if known_less_than(result.axes, FORECAST_S[-1]) is not None:
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     said += [*(f'{note}. The rows "{MEASURED}" and "{TENFOLD}" are without it.'
@@ -125,17 +128,10 @@ def sentences(result: Result, coast_s: float) -> list[str]:
     return said
 
 
-def _left_out(result: Result) -> list[str]:
-    """List the axes without numbers, and the reason if it is known."""
-    unknown = 'too short for a drift model, or from an older version'
-    return [f'{spoken(name)} is left out: {why_left_out(axis) or unknown}.'
-            for name, axis in result.axes.items() if axis.drift_model is None]
-
-
 def _steadiness(result: Result, coast_s: float) -> list[str]:
     """Describe how much another day may differ, and what changed within the recording."""
     spans = []
-    for title, axes in _by_sensor(known_axes(result)).items():
+    for title, axes in _by_sensor(result).items():
         spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
                      for axis in axes.values())
         by = float(np.exp(2 * chi_square.NORMAL95 * min(spread, 100.0)))
@@ -163,9 +159,8 @@ def forecast_table(result: Result) -> Group:
             table.add_row(spoken(name) if i == 0 else '', what, *(
                 text if max(horizon, CALIBRATION_S) <= known_s else f'({text})'
                 for horizon, text in zip(FORECAST_S, shown, strict=True)))
-    return Group(
-        Text('Unaided drift, one standard deviation, the bias averaged '
-             f'over {duration(CALIBRATION_S)} before:'), table)
+    return Group(Text('Unaided drift, one standard deviation, the bias averaged over '
+                      f'{duration(CALIBRATION_S)} before:'), table)
 
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'

@@ -12,6 +12,7 @@ named.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import sqrt
+from statistics import median_high
 from typing import get_args, Literal
 
 from imu_allan.errors import ImuAllanError
@@ -208,9 +209,9 @@ class Numbers:
 
         common: float | None = None
         if self.consumer.one_time and axes:
-            # The median of the correlation times that the axes would choose separately.
-            own = sorted(tuned(axis, None).correlation_time_s or 0.0 for axis in axes.values())
-            common = own[len(own) // 2]
+            # Of the correlation times that the axes would choose separately.
+            common = median_high(tuned(axis, None).correlation_time_s or 0.0
+                                 for axis in axes.values())
         self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
 
     def _let_the_bias_follow_flicker(self) -> None:

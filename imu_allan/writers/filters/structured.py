@@ -251,15 +251,12 @@ def state_space_cpp(numbers: Numbers) -> str:
              'template <int Rows, int Columns>',
              'using Matrix = std::array<std::array<double, Columns>, Rows>;']
     for name, space in spaces.items():
-        lines += ['', f'namespace {name} {{',
-                  f'constexpr int states = {len(space.transition)};',
+        lines += ['', f'namespace {name} {{', f'constexpr int states = {len(space.transition)};',
                   f'constexpr double step_s = {space.step_s!r};']
         for part in _PARTS:
             rows = getattr(space, part).tolist()
-            cells = ', '.join(
-                '{{' + ', '.join(repr(value) for value in row) + '}}' for row in rows)
-            lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}'
-                         f'{{{{{cells}}}}};')
+            cells = ', '.join(f'{{{{{", ".join(map(repr, row))}}}}}' for row in rows)
+            lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}{{{{{cells}}}}};')
         lines.append(f'}}  // namespace {name}')
     return joined([*lines, '', '}  // namespace imu_allan'])
 
@@ -268,16 +265,15 @@ def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
     if numbers.options.conservative or numbers.options.inflate:
         raise ImuAllanError(f'{numbers.name} is the drift model as measured: neither '
                             '--conservative nor --inflate applies; scale its matrices yourself')
-    known = {name: axis for name, axis in numbers.result.axes.items()
-             if axis.drift_model is not None}
+    models = {name: axis.drift_model for name, axis in numbers.result.axes.items()
+              if axis.drift_model is not None}
     # Without a request, use the shortest step for which the models of all axes are valid.
     step = numbers.options.aiding_s or max(
-        [numbers.aiding_s or 0.0, *(axis.drift_model.from_s for axis in known.values()
-                                    if axis.drift_model is not None)])
+        [numbers.aiding_s or 0.0, *(model.from_s for model in models.values())])
     spaces = {}
-    for name, axis in known.items():
+    for name in models:
         try:
-            spaces[name] = space_of_axis(axis, step)
+            spaces[name] = space_of_axis(numbers.result.axes[name], step)
         except ImuAllanError as error:
             raise ImuAllanError(f'{name}: {error}') from error
     if not spaces:

@@ -140,8 +140,8 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
     term = f'[{unit}], {terms[key].format(*words)}'
     if field['letter']:
         number = numbers.of_axis.get(axis, {}).get(key)
-        return (None if number is None else real(scale(number.value)),
-                [f'{what} {numbers.measured(axis, key, scale)}'] if number is not None else [])
+        return (None, []) if number is None else (
+            real(scale(number.value)), [f'{what} {numbers.measured(axis, key, scale)}'])
     if field['layout'] in ('of x, y, z', 'on the diagonal'):
         values, said = each(numbers, sensor, key, scale)
         remarks = [f'{what} of x, y, z {term}', *(f'{name}: {remark}' for remark in said)]
