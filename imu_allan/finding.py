@@ -84,9 +84,8 @@ CODES: Mapping[str, Code] = {
     'clock_changed': _act(flaw=Flaw, since_s=Seconds),
     'clock_speed': _act(ratio=Number),
     'gravity': _act(mean=Annotated[float, 'm/s^2']),
-    'implausible': _act(
-        what=Literal['mean', 'noise_density', 'spread'], value=InUnit, limit=InUnit, unit=Text,
-        likely=Text),
+    'implausible': _act(what=Literal['mean', 'noise_density', 'spread'], value=InUnit,
+                        limit=InUnit, unit=Text, likely=Text),
     # messages are lost
     'many_missing': _act(share=Share, density_error_share=Share | None),
     'spikes': _know(messages=Count),
@@ -102,41 +101,35 @@ CODES: Mapping[str, Code] = {
         bytes=Count | None, end=Text | None, whole_chunks=Count | None, reason=Text | None),
     'lost_messages': _know(found=Count, counted=Count, topic=Text),
     'missing_file': _know(missing=Count, listed=Count, files=Text),
-    'malformed_messages': _know(
-        what=Literal['line', 'message'], count=Count, topic=Text | None, type=Text | None,
-        first=Text | None),
+    'malformed_messages': _know(what=Literal['line', 'message'], count=Count, topic=Text | None,
+                                type=Text | None, first=Text | None),
     # what the model explains
     'short_recording': _know(
         coefficient=Text | None, duration_s=Seconds, samples=Count | None, needed=Count | None),
     'poor_fit': _act(misfit_share=Share | None, leaves_at_s=Seconds | None),
-    'recordings_disagree': _act(
-        coefficient=Text, value=InUnit, of_recording=Text, usual_value=InUnit,
-        others=tuple[Text, ...], unit=Text),
-    'thermometer': _know(
-        fault=Literal['short', 'constant', 'unread'], covered_share=Share | None,
-        reason=Text | None),
+    'recordings_disagree': _act(coefficient=Text, value=InUnit, of_recording=Text,
+                                usual_value=InUnit, others=tuple[Text, ...], unit=Text),
+    'thermometer': _know(fault=Literal['short', 'constant', 'unread'], covered_share=Share | None,
+                         reason=Text | None),
     'trend_or_walk': _know(),
     'power_law': _know(exponent=Number, exponent_low=Number, exponent_high=Number),
     'band_limited': _know(edge_hz=Hertz | None, window_s=Seconds | None),
     'gauss_markov': _know(sigma=InUnit, unit=Text, correlation_time_s=Seconds),
-    'temperature': _know(
-        per_kelvin=PerKelvin, per_kelvin_low=PerKelvin, per_kelvin_high=PerKelvin, unit=Text,
-        lowest_c=Celsius, highest_c=Celsius, lag_s=Seconds | None),
+    'temperature': _know(per_kelvin=PerKelvin, per_kelvin_low=PerKelvin, per_kelvin_high=PerKelvin,
+                         unit=Text, lowest_c=Celsius, highest_c=Celsius, lag_s=Seconds | None),
     'slow_cycle': _know(period_s=Seconds),
     'coarse_resolution': _know(step=InUnit, unit=Text, ratio=Number),
     'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text, half_rate=Flag),
     'turn_on_bias': _know(sigma=InUnit, sigma_low=InUnit, sigma_high=InUnit, unit=Text),
     # how the data was treated
     'motion': _know(count=Count, excluded_s=Seconds),
-    'rest_within_motion': _know(
-        share=Share, rest_s=Seconds, rests=Count, starts_s=tuple[Seconds, ...],
-        durations_s=tuple[Seconds, ...]),
+    'rest_within_motion': _know(share=Share, rest_s=Seconds, rests=Count,
+                                starts_s=tuple[Seconds, ...], durations_s=tuple[Seconds, ...]),
     'motion_kept': _know(count=Count, seen_s=Seconds, first_s=Seconds),
     'receive_clock': _know(flaw=Flaw | None),
     'counted_samples': _know(rate_hz=Hertz),
-    'uneven_stamps': _know(
-        clock=Text, hidden_share=Share | None, density_high_share=Share | None,
-        rate_error_share=Share | None),
+    'uneven_stamps': _know(clock=Text, hidden_share=Share | None, density_high_share=Share | None,
+                           rate_error_share=Share | None),
     'clock_jumps': _know(clock=Text, count=Count),
     'held_values': _know(share=Share),
     'unit_g': _know(),

@@ -51,8 +51,7 @@ def advice(found: Finding, *, live: bool = False) -> str:
 
 def _words(found: Finding) -> Words:
     """Return the texts of a finding; of a code that only another version knows, a title."""
-    return WORDS.get(found.code) or Words(
-        printable(found.code).replace('_', ' '), '', '', says='')
+    return WORDS.get(found.code) or Words(printable(found.code).replace('_', ' '), '', '', says='')
 
 
 def _made(text: Text, found: Finding) -> str:
@@ -198,8 +197,7 @@ def for_display(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return findings as all front ends show them: merged over axes, those to act upon first."""
     codes = list(CODES)
     ranked = sorted(_grouped(findings), key=lambda found: (
-        found.severity != 'act',
-        codes.index(found.code) if found.code in CODES else len(codes)))
+        found.severity != 'act', codes.index(found.code) if found.code in CODES else len(codes)))
     return tuple(replace(found, message=message_of(found)) for found in ranked)
 
 

@@ -426,9 +426,8 @@ class AxisResult:
     @property
     def fault(self) -> Fault | None:
         """Return why the axis fails to measure, at least at times; a deadband is 'zeroed'."""
-        seen: dict[Fault, object] = {
-            'constant': self.constant, 'dead': self.stood_still, 'saturated': self.saturated,
-            'zeroed': self.deadband}
+        seen: dict[Fault, object] = {'constant': self.constant, 'dead': self.stood_still,
+                                     'saturated': self.saturated, 'zeroed': self.deadband}
         return next((fault for fault, found in seen.items() if found), None)
 
     def __str__(self) -> str:

@@ -64,8 +64,7 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     for axis, key, other in product(shared, TERMS, others):
         a, b = (results[name].axes[axis].coefficients[key] for name in (reference, other))
         if a.observable or b.observable:
-            differences.append(Difference(axis, key, reference, other, (a, b),
-                                          *_difference(a, b)))
+            differences.append(Difference(axis, key, reference, other, (a, b), *_difference(a, b)))
     if not differences:
         raise ImuAllanError('the results have no axis in common on which a coefficient is '
                             'observable')

@@ -160,8 +160,7 @@ def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
         parts += wrapped([f'{fleet.unseen}.'], width, 'dim')
     parts += wrapped([', '.join(counts(fleet))], width, 'bold')
     for unit in fleet.population.outlier_units:
-        parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.reasons(unit))}'],
-                         width, 'yellow')
+        parts += wrapped([f'{printable(unit)}: {"; ".join(fleet.reasons(unit))}'], width, 'yellow')
     for failure in fleet.failures:
         parts += wrapped([f'{printable(failure.unit)}: {printable(failure.reason)}'], width, 'red')
     return Group(*parts)

@@ -72,8 +72,8 @@ class KeyFigures:
     extrapolated: bool
 
 
-def key_figures(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S
-                ) -> list[KeyFigures]:
+def figures_of(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAST_S
+               ) -> list[KeyFigures]:
     """Return the key figures of each sensor in the result of one recording."""
     found = []
     for sensor in sensors_of(result):

@@ -47,7 +47,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         panel.text(0.5, 0.5, 'constant signal:\nAllan deviation 0', ha='center', va='center',
                    transform=panel.transAxes, color=colour)
         return
-    fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
+    fine, model = tau, np.array(curve.model_adev)
     if timeline is not None:
         drawn = curves.model_curve(axis, timeline)
         # Short dashes, since the dashes of the models of three axes are longer.
@@ -143,8 +143,7 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
     [(x, y)] = points(*at)
     name_size = 7.5   # in points; superscripts then have 6, the smallest readable print
     # DejaVu Sans is a tenth wider than the font of a browser.
-    size = (max(map(len, lines)) * LETTER * 1.1 * name_size + 4,
-            len(lines) * 1.25 * name_size + 3)
+    size = (max(map(len, lines)) * LETTER * 1.1 * name_size + 4, len(lines) * 1.25 * name_size + 3)
     box = best_place((x, y), size, (0, 0, width, tall), points(*zip(*seen, strict=True)), taken,
                      name_size / FONT)
     taken.append(box)
@@ -163,8 +162,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     if rate is None or timeline.duration_s <= 0:
         return
     if axis.band_edge_hz is not None:
-        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS['good'], linewidth=0,
-                      zorder=0)
+        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS['good'], linewidth=0, zorder=0)
         panel.text(0.99, 0.02, 'shaded: not fitted', transform=panel.transAxes, ha='right',
                    va='bottom', fontsize=7, color=COLOURS['soft'])
     if axis.spectrum is not None:
@@ -187,8 +185,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:8]:
         panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)
         # Labels of neighbouring tones would overlap; label only the strongest.
-        if len(named) < 3 and all(abs(np.log(tone.frequency_hz / other)) > 0.35
-                                  for other in named):
+        if len(named) < 3 and all(abs(np.log(tone.frequency_hz / one)) > 0.35 for one in named):
             named.append(tone.frequency_hz)
             panel.annotate(f'tone {tone.frequency_hz:.4g} Hz', (tone.frequency_hz, 1),
                            xycoords=('data', 'axes fraction'), xytext=(-2, -3),
@@ -203,12 +200,17 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
     length = max(timeline.duration_s, 1e-9) / scale
     panel.set_xlim(0, length)
     panel.set_xlabel(f'time [{unit}]', labelpad=1)
-    for spans, colour in ((timeline.motion, colours['motion']), (timeline.gaps, colours['gap'])):
+    notes = []
+    for spans, name, colour in ((timeline.motion, 'motion, left out', colours['motion']),
+                                (timeline.gaps, 'gap', colours['gap'])):
         for span in spans[:2000]:
             # Keep short gaps visible, such as a second in a day.
             width = max(span.duration_s / scale, length * 1.5e-3)
             panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
                           linewidth=0)
+        if spans:
+            total = duration(sum(span.duration_s for span in spans))
+            notes.append((f'■ {len(spans)} × {name} ({total})', colour))
     moved = {name: curves.mean_over_time(axis) for name, axis in axes.items()}
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
@@ -218,24 +220,18 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -
                        color=colours[name[-1]])
         panel.grid(True)
         panel.locator_params(axis='y', nbins=4)
-        parts = [(f'mean of each segment less the mean of all [{typeset(shown)}]',
-                  colours['ink'])]
+        heading = f'mean of each segment less the mean of all [{typeset(shown)}]', colours['ink']
     else:
         panel.set_yticks([])
         panel.set_facecolor(colours['good'])
         for side in ('top', 'left', 'right'):
             panel.spines[side].set_visible(False)
-        parts = [(f'recording of {duration(timeline.duration_s)}', colours['soft'])]
-    for spans, name, colour in ((timeline.motion, 'motion, left out', colours['motion']),
-                                (timeline.gaps, 'gap', colours['gap'])):
-        if spans:
-            total = duration(sum(span.duration_s for span in spans))
-            parts.append((f'■ {len(spans)} × {name} ({total})', colour))
+        heading = f'recording of {duration(timeline.duration_s)}', colours['soft']
     time, (_, warmth, _) = curves.over_time(result.temperature)
     if len(time):
         right = panel.twinx()
         right.plot(time / scale, warmth, linewidth=1.2, linestyle=(0, (4, 2)),
                    color=colours['soft'])
         right.locator_params(axis='y', nbins=4)
-        parts.append(('- - temperature [°C]', colours['soft']))
-    write_in_a_row(panel, parts)
+        notes.append(('- - temperature [°C]', colours['soft']))
+    write_in_a_row(panel, [heading, *notes])

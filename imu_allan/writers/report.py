@@ -23,26 +23,17 @@ from imu_allan.result import Coefficient, Interval, Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.sensor_verdicts import sensor_verdicts
 from imu_allan.version import __version__
-from imu_allan.writers import charts
+from imu_allan.writers import charts, key_figures
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.key_figures import (
-    AIDING_S,
-    CALIBRATION_S,
-    COAST_S,
-    key_figures,
-    longer_recording_note,
-    UNCERTAIN,
-    written_mean,
-)
 from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.verdict_lines import findings_line, verdict_lines, VERDICT_TEXT
 
 
 def report_html(result: Result) -> str:
     """Return the report of one result."""
-    found, timeline = key_figures(result), result.timeline
+    found, timeline = key_figures.figures_of(result), result.timeline
     own = [(figures.sensor, axes_of(result, figures.sensor), figures) for figures in found]
     # Group the charts by kind, each for both sensors.
     drawn = [*(charts.signal_chart(result, sensor, axes) for sensor, axes, _ in own),
@@ -63,16 +54,16 @@ def report_html(result: Result) -> str:
         rest=wording.duration(timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes for sensor, axes, _ in own},
-        outlook=longer_recording_note(result), cell=_cell, of_segment=_of_segment,
-        mean=written_mean, rest_s=timeline.rest_s,
+        outlook=key_figures.longer_recording_note(result), cell=_cell, of_segment=_of_segment,
+        mean=key_figures.written_mean, rest_s=timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for figures in found
                  for name, tuning in figures.tunings.items()],
         parts={sensor: known for sensor, axes, _ in own if (known := {
             name: axis for name, axis in axes.items()
             if axis.stationarity is not None and axis.stationarity.segments})},
-        aiding=f'{AIDING_S:g} s', coast=wording.duration(COAST_S),
-        calibration=wording.duration(CALIBRATION_S),
-        uncertain=UNCERTAIN, timeline=timeline, configs=_configs(result),
+        aiding=f'{key_figures.AIDING_S:g} s', coast=wording.duration(key_figures.COAST_S),
+        calibration=wording.duration(key_figures.CALIBRATION_S),
+        uncertain=key_figures.UNCERTAIN, timeline=timeline, configs=_configs(result),
         noisy={name: axis for name, axis in result.axes.items() if not axis.constant})
 
 

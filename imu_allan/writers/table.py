@@ -18,14 +18,8 @@ from imu_allan.finding_messages import for_display, in_full
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
+from imu_allan.writers import key_figures
 from imu_allan.writers.curves import axes_of, reported
-from imu_allan.writers.key_figures import (
-    filter_lines,
-    key_figures,
-    KeyFigures,
-    longer_recording_note,
-    written_mean,
-)
 from imu_allan.writers.terminal import wrapped
 from imu_allan.writers.verdict_lines import COLUMNS, good_to_know, Units, verdict_lines
 
@@ -50,13 +44,13 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    found = key_figures(result)
+    found = key_figures.figures_of(result)
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
     verdicts = wrapped(verdict_lines(result, units), width, 'bold')
     # The measured K also stands in the table, if a line is wanting.
-    tuned = [wrapped(filter_lines(result, found, width, measured=measured), width)
+    tuned = [wrapped(key_figures.filter_lines(result, found, width, measured=measured), width)
              for measured in (True, False)]
     heading = _heading(result, width)
     tables = _tables(result, found, width, units, verbose=verbose)
@@ -95,7 +89,7 @@ def _heading(result: Result, width: int) -> 'list[Text]':
     return min(apart, wrapped([f'{names}  {amount}'], min(width, COLUMNS), style), key=len)
 
 
-def _tables(result: Result, found: Sequence[KeyFigures], width: int, units: Units, *,
+def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int, units: Units, *,
             verbose: bool) -> 'list[list[Text]]':
     """Arrange the axes side by side in the widest layout that fits, or else the last."""
     # Whether with term names, a filter column, and intervals on separate lines.
@@ -110,7 +104,7 @@ def _tables(result: Result, found: Sequence[KeyFigures], width: int, units: Unit
     return tables
 
 
-def _cells(result: Result, figures: KeyFigures, units: Units, *, verbose: bool,
+def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, verbose: bool,
            named: bool, tuned: bool, tall: bool) -> 'list[list[Text]]':
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
     from rich.text import Text
@@ -134,7 +128,7 @@ def _cells(result: Result, figures: KeyFigures, units: Units, *, verbose: bool,
     if (verbose or not rows) and any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if si else MEAN_UNITS[quantity.unit]
         rows.append([Text(f'mean {unit}', 'dim'), *(
-            Text.assemble(('' if axis.mean is None else written_mean(
+            Text.assemble(('' if axis.mean is None else key_figures.written_mean(
                 axis, axis.mean, result.timeline.rest_s, unit)[0], 'dim'))
             for axis in axes.values()), Text()])
     heading = [wording.SENSORS[figures.sensor], *(name[-1] for name in axes),
@@ -179,4 +173,4 @@ def _note(result: Result) -> str:
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     bounded = any(not c.observable and c.upper95 is not None for c in cells)
     return ' '.join(filter(None, ('"<": below it with 95 % confidence.' if bounded else '',
-                                  longer_recording_note(result))))
+                                  key_figures.longer_recording_note(result))))

@@ -96,9 +96,8 @@ def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
     else:
         second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if bound else '')
                   + number(choice['random_walk'], 3))
-    return [choice['numbers'], number(choice['noise_density'], 3), second,
-            f'{choice["nis"]:.3g}', f'{choice["coast_ratio"]:.3g}',
-            number(choice['coast_sigma'], 3)]
+    return [choice['numbers'], number(choice['noise_density'], 3), second, f'{choice["nis"]:.3g}',
+            f'{choice["coast_ratio"]:.3g}', number(choice['coast_sigma'], 3)]
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
@@ -202,8 +201,7 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'r
              'are what the motion adds: put them into --inflate.', 'dim'))
 
 
-def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias
-                    ) -> dict[str, Any]:
+def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias) -> dict[str, Any]:
     """Return the content of the tables as plain data."""
     axes = {name: {'choices': choices(axis, aiding_s, coast_s, bias),
                    'forecast': asdict(predicted_drift(axis, FORECAST_S, CALIBRATION_S))}

@@ -13,7 +13,7 @@ from imu_allan.sensor.units import engineering
 from imu_allan.sensor_verdicts import concerns, FAULTS, sensor_verdicts, SHORTEST_GOOD_S
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.curves import axes_of
-from imu_allan.writers.key_figures import filter_lines, key_figures
+from imu_allan.writers.key_figures import figures_of, filter_lines
 
 Units = Literal['datasheet', 'si']
 COLUMNS = 80
@@ -64,7 +64,7 @@ def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:
     found = for_display(result.warnings)
     act = [one for one in found if one.severity == 'act']
     return [*verdict_lines(result),
-            *filter_lines(result, key_figures(result, aiding_s, coast_s), 200, aiding_s, coast_s),
+            *filter_lines(result, figures_of(result, aiding_s, coast_s), 200, aiding_s, coast_s),
             *(text for _, text in in_full(act, together=True, live=True)),
             *filter(None, [good_to_know([one for one in found if one.severity != 'act'])])]
 
@@ -100,22 +100,16 @@ def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str
     rest_s = result.timeline.rest_s
     if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
         return f'{duration(rest_s)} at rest',
-    found: dict[str, list[Finding]] = {code: [] for code in because}
-    for one in for_display(result.warnings):
-        if one.code in found and concerns(one, sensor):
-            found[one.code].append(one)
-    faulty: dict[str, set[str]] = {}
-    for name, axis in axes_of(result, sensor).items():
-        if axis.fault is not None:
-            faulty.setdefault(FAULTS[axis.fault], set()).add(name[-1])
+    found = [one for one in for_display(result.warnings) if concerns(one, sensor)]
     said: list[tuple[str, str]] = []
-    for code, same in found.items():
-        letters = faulty.get(code, set()) | {
-            axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)}
+    for code in because:
+        same = [one for one in found if one.code == code]
+        letters = {axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)} | {
+            name[-1] for name, axis in axes_of(result, sensor).items()
+            if FAULTS.get(axis.fault or '') == code}
         axes = f' ({listed(sorted(letters))})' if letters else ''
         if same:
-            said.append((f'{brief(together(same, sensor))}{axes}',
-                         f'{title_of(same[0])}{axes}'))
+            said.append((f'{brief(together(same, sensor))}{axes}', f'{title_of(same[0])}{axes}'))
         elif code in WORDS:
             said.append((f'{WORDS[code].title}{axes}',) * 2)
     return tuple(map(', '.join, zip(*said, strict=True))) or ('N does not show',)

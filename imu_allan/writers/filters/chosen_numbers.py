@@ -35,8 +35,6 @@ def times(factor: float) -> Scale:
     return lambda value: value * factor
 
 
-UNSCALED = times(1.0)
-
 
 @dataclass(frozen=True)
 class ExportOptions:
@@ -152,7 +150,7 @@ class Numbers:
         name = max(by, key=lambda axis: by[axis].value)
         return name, known[name]
 
-    def measured(self, name: str, key: Key, scale: Scale = UNSCALED) -> str:
+    def measured(self, name: str, key: Key, scale: Scale = float) -> str:
         """Return the measured value and interval, or the bound, of an axis as text."""
         found = self.coefficients[name].get(key)
         if found is None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Heading of a configuration: the origin of its numbers, and the expected performance."""
 
+from html import escape
+
 from imu_allan.errors import printable
 from imu_allan.finding_messages import trend_notes, why_left_out
 from imu_allan.tuning.tune import assess
@@ -131,3 +133,8 @@ def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
                         f'({why_left_out(axis) or "too few samples"}): it is in none of the '
                         'numbers below')
     return said
+
+
+def quoted_in_xml(text: str) -> str:
+    """Escape `text` so that it cannot end an XML comment."""
+    return escape(text, quote=False).replace('--', '- -')

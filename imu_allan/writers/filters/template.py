@@ -19,7 +19,6 @@ comment says so.
 
 from collections.abc import Sequence
 from functools import cache
-from html import escape
 from importlib.resources import files
 import json
 from math import sqrt
@@ -29,16 +28,8 @@ from typing import cast
 from imu_allan.errors import printable
 from imu_allan.sensor.units import convert
 from imu_allan.wording import is_table
-from imu_allan.writers.filters.chosen_numbers import (
-    Key,
-    Numbers,
-    Scale,
-    Sensor,
-    SENSORS,
-    times,
-    UNSCALED,
-)
-from imu_allan.writers.filters.provenance import provenance
+from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Scale, Sensor, SENSORS, times
+from imu_allan.writers.filters.provenance import provenance, quoted_in_xml
 
 _NUMBER = re.compile(
     r'\{(?P<sensor>gyro|accel)(?:_(?P<letter>[xyz]))? (?P<key>N|K|sigma|Tc|mean)(?P<scaling>.*?)'
@@ -47,8 +38,8 @@ _NUMBER = re.compile(
 UNITS: dict[tuple[Sensor, Key], str] = {
     ('gyro', 'N'): 'rad/s/sqrt(Hz)', ('gyro', 'K'): 'rad/s^2/sqrt(Hz)',
     ('accel', 'N'): 'm/s^2/sqrt(Hz)', ('accel', 'K'): 'm/s^3/sqrt(Hz)',
-    ('gyro', 'sigma'): 'rad/s', ('accel', 'sigma'): 'm/s^2', ('gyro', 'Tc'): 's',
-    ('accel', 'Tc'): 's'}
+    ('gyro', 'sigma'): 'rad/s', ('accel', 'sigma'): 'm/s^2',
+    ('gyro', 'Tc'): 's', ('accel', 'Tc'): 's'}
 
 
 def filled(numbers: Numbers) -> str:
@@ -182,7 +173,7 @@ def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]) -> 
     return (lambda value: value**power * factor), f'({unit})^2' if power == 2 else unit
 
 
-def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
+def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = float
           ) -> tuple[float | None, list[str]]:
     """Return the largest number of the axes, scaled, with remarks on all axes."""
     found = numbers.worst(sensor, key)
@@ -200,7 +191,7 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
     return scale(chosen.value), [first, *others]
 
 
-def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = UNSCALED
+def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = float
          ) -> tuple[list[float] | None, list[str]]:
     """Return the numbers of x, y and z, or None if one is missing, with remarks."""
     known = numbers.known(sensor, key)
@@ -223,11 +214,6 @@ def real(value: float) -> str:
     # A noise density is known to three digits at best.
     text = repr(float(f'{value:.5e}'))
     return text.replace('e', '.0e') if 'e' in text and '.' not in text else text
-
-
-def quoted_in_xml(text: str) -> str:
-    """Escape `text` so that it cannot end an XML comment."""
-    return escape(text, quote=False).replace('--', '- -')
 
 
 def joined(lines: Sequence[str]) -> str:
