@@ -106,11 +106,11 @@ def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
 
 def _for_filter(axes: Mapping[str, AxisResult], tunings: Collection[FilterTuning]
                 ) -> tuple[tuple[str, float, str], ...]:
-    numbers = {'noise_density': [tuning.noise_density for tuning in tunings],
-               'rate_random_walk': [tuning.random_walk or 0.0 for tuning in tunings]}
-    coefficients = next(iter(axes.values())).coefficients
-    return tuple((coefficients[key].symbol, max(each), coefficients[key].unit)
-                 for key, each in numbers.items() if each)
+    n, k = (next(iter(axes.values())).coefficients[key]
+            for key in ('noise_density', 'rate_random_walk'))
+    return () if not tunings else (
+        (n.symbol, max(tuning.noise_density for tuning in tunings), n.unit),
+        (k.symbol, max(tuning.random_walk or 0.0 for tuning in tunings), k.unit))
 
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult], coast_s: float) -> tuple[str, str]:

@@ -281,7 +281,7 @@ class Drawing:
     parts: list[str] = field(default_factory=list)
 
     def panel(self, box: Box, x: tuple[float, float, bool], y: tuple[float, float, bool],
-              titles: tuple[str, str, str] = ('', '', ''), factor: float = 1.0) -> Panel:
+              titles: tuple[str, str, str], factor: float = 1.0) -> Panel:
         """Return a panel that fills a box; `x` and `y`: lowest, highest, whether logarithmic."""
         left, top, right, bottom = box
         clip = f'{self.name}-clip{len(self.parts)}'

@@ -29,13 +29,12 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     lines = []
     for sensor, verdict in sensor_verdicts(result).items():
-        axes = axes_of(result, sensor)
-        title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':
-            lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
+            numbers = _numbers(axes_of(result, sensor), result.timeline.rest_s, units)
+            lines.append(f'{SENSORS[sensor]}: {numbers}')
         else:
-            said = [f'{title}: {VERDICT_TEXT[verdict.verdict]}: {reason}.' for reason in _reasons(
-                result, sensor, verdict.because)]
+            said = [f'{SENSORS[sensor]}: {VERDICT_TEXT[verdict.verdict]}: {reason}.'
+                    for reason in _reasons(result, sensor, verdict.because)]
             # Figures where they leave it a line.
             lines.append(next((line for line in said if len(line) <= COLUMNS), said[-1]))
     return lines
