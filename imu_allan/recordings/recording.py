@@ -8,7 +8,6 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -166,10 +165,7 @@ class Recording(ABC):
     def __enter__(self) -> 'Recording':
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

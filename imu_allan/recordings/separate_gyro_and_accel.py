@@ -45,21 +45,18 @@ class Stream:
 
     def select(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Yield the part of `blocks` that belongs to the stream."""
-        last: Array | None = None
+        # No sample equals this one.
+        last: Array = np.full((1, 3), np.nan)
         for block in blocks:
-            if self.half is None:
+            if self.half is not None:
+                block = block.only(self.half)
+                if self.only_new:
+                    half = block.samples[:, _COLUMNS[self.half]]
+                    both = np.concatenate([last, half])
+                    last = both[-1:]
+                    block = block.part((both[1:] != both[:-1]).any(axis=1))
+            if len(block):
                 yield block
-                continue
-            block = block.only(self.half)
-            if not self.only_new or not len(block):
-                yield block
-                continue
-            half = block.samples[:, _COLUMNS[self.half]]
-            before = half[:1] + 1 if last is None else last
-            new = (half != np.concatenate([before, half[:-1]])).any(axis=1)
-            last = half[-1:].copy()
-            if new.any():
-                yield block.part(new)
 
 
 def choose_streams(recording: Recording, topic: str | None = None) -> list[Stream]:

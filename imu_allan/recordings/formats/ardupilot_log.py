@@ -137,7 +137,8 @@ class ArduPilotRecording(TableLog):
                 numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
                     len(rows), suffix)
                 for number in np.unique(numbers).tolist():
-                    yield _named(base, number), rows[numbers == number], position
+                    name = f'{base}.{number}' if number else base
+                    yield name, rows[numbers == number], position
 
     def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
         """Gather messages, some thousand at a time; yield them with the bytes consumed."""
@@ -170,10 +171,6 @@ def _code(translation: tuple[str, object, object]) -> str:
     """Return the numpy type code of a number or text."""
     letters = translation[0]
     return f'S{letters[:-1]}' if letters.endswith('s') else f'<{letters}'
-
-
-def _named(base: str, number: int) -> str:
-    return f'{base}.{number}' if number else base
 
 
 def _rate_hz(times: Ints) -> float:

@@ -12,7 +12,6 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import record_of
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.columns import extract, time_of
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp
@@ -71,16 +70,6 @@ class TableLog(FileRecording):
                 times = columns['receive_ns']
                 yield ImuBlock(times, times, samples, columns['absent'], ''), position
         malformed.report(imu, self.remark)
-
-
-def with_elements(layout: np.dtype[Any]) -> np.dtype[Any]:
-    """Add a field for each array element, such as ``name[0]`` for the first."""
-    fields: dict[str, tuple[np.dtype[Any], int]] = {}
-    for name, (kind, offset, *_) in (layout.fields or {}).items():
-        fields[name] = kind, offset
-        fields |= {f'{name}[{place}]': (kind.base, offset + place * kind.base.itemsize)
-                   for place in range(kind.shape[0] if kind.shape else 0)}
-    return record_of(fields, layout.itemsize)
 
 
 def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import (
-    DamagedData,
     declared_size,
-    decompressing,
     MOST_RATIO,
     PLAIN_BYTES,
+    STREAMS,
 )
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
+import zstandard
 
 
 def open_compressed(
@@ -46,10 +46,10 @@ def _unpack(path: Path, stored: Path) -> str:
         # Magic number and frame header of zstd have at most 4 + 14 bytes (RFC 8878, 3.1.1.1).
         declared = declared_size(file.read(18))
         file.seek(0)
-        read = decompressing(file)
+        stream = STREAMS['zstd'](file)
         try:
             # Bytes decompressed at a time, so that an exceeded bound is noticed early.
-            while data := read(1 << 22):
+            while data := stream.read(1 << 22):
                 written += len(data)
                 if written > PLAIN_BYTES + MOST_RATIO * size:
                     raise ImuAllanError(
@@ -60,7 +60,7 @@ def _unpack(path: Path, stored: Path) -> str:
                         f'{printable(path)}: no room to decompress it in '
                         f'{printable(stored.parents[1])}; name a larger folder with TMPDIR')
                 out.write(data)
-        except DamagedData as error:
+        except (zstandard.ZstdError, MemoryError) as error:
             damage = printable(error)
     if written < declared:
         # The library reports no error for a truncated frame.

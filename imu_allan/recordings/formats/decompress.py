@@ -32,43 +32,12 @@ class DamagedData(ValueError):
     """Data that contradicts its declaration; the message gives the reason."""
 
 
-def decompress(compression: str, data: bytes, size: int) -> bytes:
-    """Decompress a buffer that must yield `size` bytes; raise DamagedData if it does not."""
-    try:
-        plain = _DECOMPRESSORS[compression](data, size)
-        if len(plain) < size and compression in _STREAMS:
-            # The data may consist of several frames, of which that was the first.
-            plain = _STREAMS[compression](BytesIO(data)).read(size)
-    except KeyError:
-        raise DamagedData(f'compression {compression[:20]!r} is not supported') from None
-    # lz4 raises RuntimeError, bz2 OSError, and all raise MemoryError for absurd sizes.
-    except (zstandard.ZstdError, RuntimeError, OSError, EOFError, ValueError,
-            MemoryError) as error:
-        raise DamagedData(f'{compression}: {error}') from error
-    if len(plain) != size:
-        raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
-    return plain
-
-
 def declared_size(head: bytes) -> int:
     """Return the size declared by a zstd frame that begins with `head`; 0 if undeclared."""
     try:
         return max(zstandard.frame_content_size(head), 0)
     except zstandard.ZstdError:
         return 0
-
-
-def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
-    """Return a function that reads decompressed bytes of a zstd file, or raises DamagedData."""
-    stream = _STREAMS['zstd'](file)
-
-    def read(size: int) -> bytes:
-        try:
-            return stream.read(size)
-        except (zstandard.ZstdError, MemoryError) as error:
-            raise DamagedData(str(error)) from error
-
-    return read
 
 
 class _Local(threading.local):
@@ -95,7 +64,7 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
     'bz2': lambda data, size: bz2.BZ2Decompressor().decompress(data, max_length=size)}
 
 
-_STREAMS: dict[str, Callable[[BinaryIO], BinaryIO]] = {
+STREAMS: dict[str, Callable[[BinaryIO], BinaryIO]] = {
     'zstd': lambda file: _LOCAL.zstd.stream_reader(file, read_across_frames=True),
     'lz4': lz4.frame.LZ4FrameFile}
 
@@ -120,7 +89,21 @@ def expanded(file: BinaryIO, compression: str, stored: int, size: int, limits: R
         raise DamagedData(f'{max(size, stored)} bytes are more than a chunk may have')
     if compression not in ('', 'none'):
         limits.expand(size)
-    return decompress(compression, file.read(stored), size)
+    data = file.read(stored)
+    try:
+        plain = _DECOMPRESSORS[compression](data, size)
+        if len(plain) < size and compression in STREAMS:
+            # The data may consist of several frames, of which that was the first.
+            plain = STREAMS[compression](BytesIO(data)).read(size)
+    except KeyError:
+        raise DamagedData(f'compression {compression[:20]!r} is not supported') from None
+    # lz4 raises RuntimeError, bz2 OSError, and all raise MemoryError for absurd sizes.
+    except (zstandard.ZstdError, RuntimeError, OSError, EOFError, ValueError,
+            MemoryError) as error:
+        raise DamagedData(f'{compression}: {error}') from error
+    if len(plain) != size:
+        raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
+    return plain
 
 
 def unpacked(batches: Iterable[MessageBatch], limits: ReadingLimits) -> Iterator[MessageBatch]:

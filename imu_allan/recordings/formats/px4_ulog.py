@@ -21,13 +21,13 @@ import re
 from struct import Struct
 from typing import Any
 
+from imu_allan.cdr import record_of
 from imu_allan.recordings.formats.autopilot_log import (
     has_temperature,
     lacking,
     Records,
     TableLog,
     times_of,
-    with_elements,
 )
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -188,20 +188,28 @@ class _LogReader:
 
 
 def _layout(text: str) -> np.dtype[Any]:
-    """Return the message layout up to the first field that is not a number; IMUs have none."""
+    """
+    Return the message layout up to the first field that is not a number; IMUs have none.
+
+    Each element of an array is one more field, such as ``name[0]`` for the first.
+    """
     codes = {
         'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
         'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
         'bool': '?', 'char': 'S1'}
-    fields: list[tuple[Any, ...]] = []
-    taken = set()
+    fields: dict[str, tuple[Any, int]] = {}
+    at = size = 0
     for written in text.split(';'):
         field = re.fullmatch(r'(\w+)(?:\[(\d{1,4})\])? (\w+)', written)
-        if field is None or field[1] not in codes or field[3] in taken:
+        if field is None or field[1] not in codes or field[3] in fields:
             break
-        taken.add(field[3])
-        fields.append((field[3], codes[field[1]], *((int(field[2]),) if field[2] else ())))
-    # Trailing padding is not logged.
-    while fields and fields[-1][0].startswith('_padding'):
-        fields.pop()
-    return with_elements(np.dtype(fields))
+        number, name = np.dtype(codes[field[1]]), field[3]
+        kind = np.dtype((number, (int(field[2]),))) if field[2] else number
+        # Trailing padding is not logged.
+        if not name.startswith('_padding'):
+            fields[name] = kind, at
+            fields |= {f'{name}[{place}]': (number, at + place * number.itemsize)
+                       for place in range(int(field[2] or 0))}
+            size = at + kind.itemsize
+        at += kind.itemsize
+    return record_of(fields, size)

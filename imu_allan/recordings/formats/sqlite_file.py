@@ -33,9 +33,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
-_MOST_TOPICS = 1 << 16
-_TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
-
 
 class SqliteRecording(FileRecording):
     """A .db3 file; raises ImuAllanError if it is not a rosbag2 database."""
@@ -147,31 +144,24 @@ class SqliteRecording(FileRecording):
         return untrusted_database(self._stored, self._room, tolerant=self._tolerant)
 
     def _described(self) -> dict[str, Definition]:
-        """Look up the types of the topics; return the available definitions of them."""
+        """Look up the types of the topics; return those definitions that the file has of them."""
+        found: dict[str, Definition] = {}
         with self._database() as database:
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             self._kinds = {}
-            texts = ', '.join(map(_TEXT.format, ('name', 'type', 'serialization_format')))
-            for name, kind, form in database.execute(
-                    f'SELECT {texts} FROM topics NOT INDEXED ORDER BY rowid LIMIT {_MOST_TOPICS}'):
+            for name, kind, form in _texts(
+                    database, 'topics', 'name', 'type', 'serialization_format'):
                 if form != 'cdr':
                     self.other_topics[name] = f'{kind} encoded as {form}'
                 else:
                     self._kinds.setdefault(name, kind)
-            return self._definitions(database, set(self._kinds.values()))
-
-    def _definitions(self, database: sqlite3.Connection, kinds: set[str],
-                     ) -> dict[str, Definition]:
-        """Look up the definitions of types, which bags contain since ROS 2 Iron."""
-        found: dict[str, Definition] = {}
-        with suppress(sqlite3.Error):
-            texts = ', '.join(map(_TEXT.format, (
-                'topic_type', 'encoding', 'encoded_message_definition')))
-            for kind, form, text in database.execute(
-                    f'SELECT {texts} FROM message_definitions NOT INDEXED ORDER BY rowid '
-                    f'LIMIT {_MOST_TOPICS}'):
-                if kind in kinds and form in FORMS and text.strip():
-                    found.setdefault(kind, Definition(text, FORMS[form]))
+            kinds = set(self._kinds.values())
+            # Bags contain definitions since ROS 2 Iron.
+            with suppress(sqlite3.Error):
+                for kind, form, text in _texts(database, 'message_definitions', 'topic_type',
+                                               'encoding', 'encoded_message_definition'):
+                    if kind in kinds and form in FORMS and text.strip():
+                        found.setdefault(kind, Definition(text, FORMS[form]))
         return found
 
     def _has_rows(self, database: sqlite3.Connection, imu: ImuTopic) -> bool:
@@ -239,3 +229,11 @@ class SqliteRecording(FileRecording):
             malformed(len(rows) - len(blobs), MalformedImu('not a blob'))
         return ([stamp if type(stamp) is int else 0 for stamp, _ in blobs],
                 [message for _, message in blobs])
+
+
+def _texts(database: sqlite3.Connection, table: str, *columns: str) -> Iterator[Sequence[str]]:
+    """Read columns of a table; what is no text becomes an empty one."""
+    texts = ', '.join(f"CASE typeof({name}) WHEN 'text' THEN {name} ELSE '' END"
+                      for name in columns)
+    return database.execute(
+        f'SELECT {texts} FROM {table} NOT INDEXED ORDER BY rowid LIMIT {1 << 16}')

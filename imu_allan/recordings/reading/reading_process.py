@@ -50,8 +50,10 @@ _SLOT = np.dtype([
 def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
     """Start a process that reads a topic; yield blocks and the bytes consumed so far."""
     _keep_memory()
-    memory = _shared_memory()
+    memory = os.memfd_create('imu_allan')
     try:
+        # Allocate now: if there is no room, the caller can still fall back to a thread.
+        os.posix_fallocate(memory, 0, SLOTS * _SLOT.itemsize)
         slots = _slots(memory)
         # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
         process = start_python(
@@ -198,15 +200,3 @@ def _slots(memory: int) -> NDArray[np.void]:
 def _arrays(slot: np.void, first: int, messages: int) -> dict[str, NDArray[Any]]:
     """View some messages of a slot; the samples are stored axis by axis."""
     return {name: slot[name].T[first:first + messages] for name in _SLOT.names or ()}
-
-
-def _shared_memory() -> int:
-    """Return a file descriptor of memory for all slots."""
-    memory = os.memfd_create('imu_allan')
-    try:
-        # Allocate now: if there is no room, the caller can still fall back to a thread.
-        os.posix_fallocate(memory, 0, SLOTS * _SLOT.itemsize)
-    except OSError:
-        os.close(memory)
-        raise
-    return memory
