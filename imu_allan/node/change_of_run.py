@@ -186,7 +186,7 @@ class Runs:
         number = topic.number
         other = next((run for run in self._others
                       if run.lanes[number].known.mismatch(held) is None), None)
-        is_latest = other is not None and other is self._others[0]
+        is_latest = other in self._others[:1]
         if other is None:
             other = new_run(self._setup)
             known = self.run.lanes[number].known.another(held)

@@ -36,8 +36,7 @@ class Log:
 
     def warning(self, text: str, kind: str, every_s: float = FIRST_INTERVAL_S) -> bool:
         """Log what the user should look at; return whether it was logged (see the class)."""
-        due = self._is_due(kind, every_s)
-        if due:
+        if due := self._is_due(kind, every_s):
             self._logger().warning(printable(text))
         return due
 

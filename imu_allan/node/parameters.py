@@ -23,8 +23,6 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-Value = str | int | float | tuple[str, ...]
-
 TOPIC = 'imu/data_raw'
 """The name that REP-145 defines."""
 DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
@@ -38,7 +36,7 @@ class Setting:
     """One parameter of a node."""
 
     name: str
-    default: Value
+    default: str | int | float | tuple[str, ...]
     description: str
     lowest: float | None = None
     highest: float | None = None
@@ -172,8 +170,7 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     node.add_on_set_parameters_callback(check)
     for setting in settings:
-        default = setting.default
-        value = list(default) if isinstance(default, tuple) else default
+        value = list(setting.default) if isinstance(setting.default, tuple) else setting.default
         expected = f'parameter {setting.name}: expected {setting.kind}'
         try:
             declared = node.declare_parameter(setting.name, value, setting.descriptor()).value

@@ -56,20 +56,16 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
     array.header.frame_id = result.source.frame_id or ''
     for name, axis in result.axes.items():
         # Every filter needs these two.
-        missing = [key for key in ('noise_density', 'rate_random_walk')
+        missing = [_not_observable(key, axis.coefficients[key])
+                   for key in ('noise_density', 'rate_random_walk')
                    if not axis.coefficients[key].observable]
-        level, message = DiagnosticStatus.OK, 'noise density and rate random walk are observable'
-        if missing:
-            level = DiagnosticStatus.WARN
-            message = '; '.join(_not_observable(key, axis.coefficients[key]) for key in missing)
-        if not axis.goodness_of_fit.acceptable:
-            level = DiagnosticStatus.WARN
-            message += '; no noise model fits this axis well'
-        remarks = [of_axis(remark, name) for remark in result.warnings
-                   if name in remark.axes]
+        message = '; '.join(missing) or 'noise density and rate random walk are observable'
+        fits_well = axis.goodness_of_fit.acceptable
+        remarks = [of_axis(remark, name) for remark in result.warnings if name in remark.axes]
         array.status.append(DiagnosticStatus(
-            level=level, name=f'{node_name}: {name}', message=message,
-            hardware_id=result.source.topic or '',
+            level=DiagnosticStatus.OK if fits_well and not missing else DiagnosticStatus.WARN,
+            name=f'{node_name}: {name}', hardware_id=result.source.topic or '',
+            message=message if fits_well else f'{message}; no noise model fits this axis well',
             values=_axis_values(axis, remarks, result.turn_on_bias.get(name))))
     return array
 

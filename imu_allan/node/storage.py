@@ -82,9 +82,7 @@ class Storage:
             return new_run(self._setup)
         try:
             state = self._state_file.load()
-            if state is None:
-                return new_run(self._setup)
-            run = unpack(state, self._setup)
+            run = new_run(self._setup) if state is None else unpack(state, self._setup)
         except UnusableState as error:
             aside = self._state_file.keep_aside(error.reason)
             self._note_aside(f'{self._state_file.path} could not be resumed from, {error}; it',
@@ -92,7 +90,7 @@ class Storage:
             return new_run(self._setup)
         longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
         if not longest_s:
-            # Nothing to go on with, as after a reset.
+            # Nothing to go on with, as at first or after a reset.
             return run
         run.resumed = True
         self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
