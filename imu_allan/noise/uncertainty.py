@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.arrays import Array
+from imu_allan.block import NEIGHBOURS
 from imu_allan.noise.allan_deviation import interval, Octaves
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
-from imu_allan.noise.record.interpolation import taken_by_mean
 from imu_allan.noise.terms import SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve
 import numpy as np
@@ -63,7 +63,8 @@ def leaked_share(axis: AxisResult, interpolated: float, dt: float) -> float:
     found, lines = axis.coefficients['noise_density'], axis.tones
     if not interpolated or not lines or found.value is None:
         return 0.0
-    taken = taken_by_mean(dt * np.array([line.frequency_hz for line in lines]))
+    turn = 2 * np.pi * (dt * np.array([line.frequency_hz for line in lines]))
+    taken = 1 - np.cos(turn[:, None] * np.arange(1, NEIGHBOURS + 1)).mean(axis=1)
     seen = np.maximum(1 - interpolated * taken, 0.1)
     power = float(np.sum((np.array([line.amplitude for line in lines]) * taken / seen)**2)) / 2
     # A quarter more: where many are missing, neighbours are fewer.

@@ -11,8 +11,7 @@ from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.draws import sample
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
-from imu_allan.noise.posterior.maximum import maximise
-from imu_allan.noise.posterior.non_negative import non_negative
+from imu_allan.noise.posterior.maximum import maximise, non_negative
 from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import mean, regressors
 from imu_allan.noise.record.bins import bins_of

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools
+from imu_allan.noise.posterior import thresholds_and_priors as thresholds
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     B,
@@ -27,18 +28,7 @@ from imu_allan.noise.posterior.likelihood import (
     TIME,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.shapes import (
-    cubic,
-    FREE_SHAPES,
-    TERM_SHAPES,
-    WHITE,
-)
-from imu_allan.noise.posterior.thresholds_and_priors import (
-    CERTAIN_RAMP,
-    OBSERVABLE,
-    REPORTED,
-    WIDEST,
-)
+from imu_allan.noise.posterior.shapes import cubic, FREE_SHAPES, TERM_SHAPES, WHITE
 from imu_allan.noise.posterior.trend_search import TrendKind, waveforms
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.leakage import Waveform
@@ -121,10 +111,11 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     amplitude[:, N] *= posterior.change.factors(len(x))
     unit = models[0].spectra.unit[int(models[0].row.of[0])]
     found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight,
-                                  REPORTED if k == Q else OBSERVABLE, float(unit[k]))
+                                  thresholds.REPORTED if k == Q else thresholds.OBSERVABLE,
+                                  float(unit[k]))
              for k, shape in enumerate(TERM_SHAPES) if shape.key in TERMS}
     # Without its change over the record, which widens the interval but hides nothing.
-    if low <= 0 or high / low > WIDEST:
+    if low <= 0 or high / low > thresholds.WIDEST:
         found[WHITE] = replace(found[WHITE], observable=False)
     law, process, alpha = has[:, LAW], has[:, PROCESS], x[:, ALPHA]
     for key, values, own in (
@@ -133,7 +124,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
             ('exponent', alpha, law),
             ('amplitude', size[:, 0] * dt**((1 - alpha) / 2), law),
             ('corner', np.exp(x[:, HIGH]) / dt, has[:, HIGH])):
-        found[key] = _estimate(values, own, weight, REPORTED)
+        found[key] = _estimate(values, own, weight, thresholds.REPORTED)
     return found
 
 
@@ -271,7 +262,8 @@ def ramp_of(posterior: Posterior, record: RecordSpectrum | None = None) -> Estim
     other = max(float(weight[own] @ otherwise[own] / weight[own].sum())
                 for own in (np.ones(len(wandering), dtype=bool), wandering) if own.any())
     bound = max(abs(low), abs(high))
-    return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
+    return Estimate(other < thresholds.CERTAIN_RAMP, middle, low, high, bound,
+                    max(1 - 2 * other, 0.0))
 
 
 def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
@@ -289,7 +281,7 @@ def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
     for model in posterior.models:
         known = {one.kind.key for one in found}
         for number, one in enumerate(model.trends):
-            if one.kind.key in known or weight[one.kind.key] <= REPORTED:
+            if one.kind.key in known or weight[one.kind.key] <= thresholds.REPORTED:
                 continue
             size, error, share = _regressed(model)
             # Of the regressors, the trends are the last.

@@ -17,12 +17,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from imu_allan.arrays import Array
+from imu_allan.noise.posterior import thresholds_and_priors as priors
 from imu_allan.noise.posterior.draws import evenly
-from imu_allan.noise.posterior.thresholds_and_priors import (
-    CHANGE_MEDIAN,
-    CHANGE_SPREAD,
-    STEADY_LEVEL,
-)
 import numpy as np
 from scipy.special import ndtri
 
@@ -53,13 +49,13 @@ class Change:
         if self.weight[0] > 1 - 1e-9:
             return np.ones(count)
         uniform = _points(count)
-        tau = _TAUS[np.minimum(np.searchsorted(np.cumsum(self.weight), uniform[:, 0]),
-                               len(_TAUS) - 1)]
+        place = np.searchsorted(np.cumsum(self.weight), uniform[:, 0])
+        tau = _TAUS[np.minimum(place, len(_TAUS) - 1)]
         # Parts are correlated because the change is slow: the whole varies by 4 tau^2.
         return np.asarray(np.exp(0.5 * np.sqrt(4.0) * tau * ndtri(uniform[:, 1])))
 
 
-STEADY = Change(np.concatenate(([1.0], np.zeros(len(_TAUS) - 1))))
+STEADY = Change(np.where(_TAUS == 0, 1.0, 0.0))
 
 
 @lru_cache(maxsize=16)
@@ -97,7 +93,7 @@ def change_of(level: Array, error: Array) -> Change:
     mean = (level / variance).sum(axis=1) / known
     loss = 0.5 * (np.log(variance).sum(axis=1) + np.log(known)
                   + ((level - mean[:, None])**2 / variance).sum(axis=1))
-    prior = np.exp(-0.5 * (np.log(_TAUS[1:] / CHANGE_MEDIAN) / CHANGE_SPREAD)**2)
-    prior = np.concatenate(([STEADY_LEVEL], (1 - STEADY_LEVEL) * prior / prior.sum()))
-    weight = prior * np.exp(loss.min() - loss)
+    prior = np.exp(-0.5 * (np.log(_TAUS[1:] / priors.CHANGE_MEDIAN) / priors.CHANGE_SPREAD)**2)
+    change = (1 - priors.STEADY_LEVEL) * prior / prior.sum()
+    weight = np.append(priors.STEADY_LEVEL, change) * np.exp(loss.min() - loss)
     return Change(weight / weight.sum())

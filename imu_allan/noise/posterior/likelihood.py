@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.noise.posterior import thresholds_and_priors as priors
 from imu_allan.noise.posterior.regression import mean, regressors, residual_power
 from imu_allan.noise.posterior.shapes import (
     cubic,
@@ -29,14 +30,6 @@ from imu_allan.noise.posterior.shapes import (
     Table,
     Tables,
     TERM_SHAPES,
-)
-from imu_allan.noise.posterior.thresholds_and_priors import (
-    EXPONENT_ODDS,
-    EXPONENT_SPREAD,
-    PER_HALF_OCTAVE,
-    TOP,
-    UNSEEN_LEVEL,
-    WITHOUT_FLICKER,
 )
 from imu_allan.noise.record.groups import Groups
 import numpy as np
@@ -156,7 +149,7 @@ def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:
         gain = np.log(shared / 2) - digamma(shared / 2)
         row[:] = 0.5 * known * (np.log(np.maximum(level, 1e-300)) + 1 + gain)[band]
         octave = np.bincount(number, known)[number]
-        prior = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
+        prior = np.log(priors.UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
         row -= np.where(new & (octave > 0), prior, 0.0)
     ends = np.zeros((len(own), 1))
     return np.concatenate((np.cumsum(own[:, ::-1], axis=1)[:, ::-1], ends), axis=1)
@@ -371,10 +364,10 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     exponent = rows.has[:, ALPHA]
     if exponent.any():
         # Normal about the exponent of flicker.
-        off = exponent * (x[:, ALPHA] - 1) / EXPONENT_SPREAD
-        value -= 0.5 * off**2 + exponent * np.log(EXPONENT_SPREAD * np.sqrt(2 * np.pi))
-        slope[:, ALPHA] = -off / EXPONENT_SPREAD
-        bend[:, ALPHA] = 1 / EXPONENT_SPREAD**2
+        off = exponent * (x[:, ALPHA] - 1) / priors.EXPONENT_SPREAD
+        value -= 0.5 * off**2 + exponent * np.log(priors.EXPONENT_SPREAD * np.sqrt(2 * np.pi))
+        slope[:, ALPHA] = -off / priors.EXPONENT_SPREAD
+        bend[:, ALPHA] = 1 / priors.EXPONENT_SPREAD**2
     gentle = rows.has[:, LOW] & (rows.family == GENTLE_FAMILY)
     if gentle.any():
         # A roll-off too gentle to be detected counts like an amplitude below the detection limit.
@@ -407,15 +400,15 @@ def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     total = has[:, :PLAIN] @ np.log([shape.prior for shape in TERM_SHAPES])
     # Neither flicker nor slow noise with another exponent.
     alone = ~has[:, [B, LAW]].any(axis=1)
-    total += np.log(WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
+    total += np.log(priors.WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
     first, last = spectra.tables.ranges(rows.family)
     width = last - first
     gentle = rows.family == GENTLE_FAMILY
     width[gentle, 2] = (spectra.gentle[rows.of] - first[:, 2])[gentle]
     width[:, 0] = 1.0    # The exponent has a normal prior instead of a uniform one.
-    odds = np.array([FREE_SHAPES[0].prior * EXPONENT_ODDS, FREE_SHAPES[1].prior, 1.0,
+    odds = np.array([FREE_SHAPES[0].prior * priors.EXPONENT_ODDS, FREE_SHAPES[1].prior, 1.0,
                      HIGH_PASSES[0].prior]) / np.maximum(width, 0.5)
     odds[:, 2] *= np.array([shape.prior for shape in LOW_PASSES])[rows.family]
     total += (has[:, NUISANCES] * np.log(odds)).sum(axis=1)
     half = -half_octaves(spectra.frequency)[np.minimum(rows.edge, groups - 1)]
-    return np.asarray(total + (rows.edge < groups) * (TOP + PER_HALF_OCTAVE * half))
+    return np.asarray(total + (rows.edge < groups) * (priors.TOP + priors.PER_HALF_OCTAVE * half))

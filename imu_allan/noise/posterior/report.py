@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.posterior import thresholds_and_priors as thresholds
 from imu_allan.noise.posterior.estimates import (
     bends,
     drifts,
@@ -25,13 +26,6 @@ from imu_allan.noise.posterior.estimates import (
     window_of,
 )
 from imu_allan.noise.posterior.posterior import Posterior
-from imu_allan.noise.posterior.thresholds_and_priors import (
-    DESCRIBED,
-    LEAST_DESCRIBED,
-    OBSERVABLE,
-    REPORTED,
-    TOLERATED_MISFIT,
-)
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
@@ -101,13 +95,13 @@ class AxisReport:
     @property
     def acceptable(self) -> bool:
         """Whether the model describes enough of the spectrum, with tolerable residuals."""
-        return not self.shallow and (self.p_value > DESCRIBED
-                                     or self.misfit <= TOLERATED_MISFIT)
+        return not self.shallow and (self.p_value > thresholds.DESCRIBED
+                                     or self.misfit <= thresholds.TOLERATED_MISFIT)
 
     @property
     def values(self) -> dict[str, float]:
         """Return the most probable values of the terms by key, zero for absent terms."""
-        likely = {key: one.value if one.presence > OBSERVABLE else 0.0
+        likely = {key: one.value if one.presence > thresholds.OBSERVABLE else 0.0
                   for key, one in self.estimates.items()}
         if not self.estimates['rate_ramp'].observable:
             likely['rate_ramp'] = 0.0
@@ -172,7 +166,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge
     edge_hz = None if edge is None else float(posterior.models[0].spectra.frequency[edge - 1])
-    low_pass = edge is not None or weight_of(posterior, bends) > OBSERVABLE
+    low_pass = edge is not None or weight_of(posterior, bends) > thresholds.OBSERVABLE
     by_kind = {one.kind.key: one for one in moving}
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.kind.key == 'warm_up'),
@@ -189,7 +183,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             exponent.value, (exponent.low, exponent.high),
             amplitude.value**2 / (2 * np.pi)**exponent.value)
         if exponent.observable else None,
-        random_walk_unclear=not identified and weight_of(posterior, drifts) > REPORTED,
+        random_walk_unclear=not identified and weight_of(posterior, drifts) > thresholds.REPORTED,
         trend=Trend(
             Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
             warm[0] if warm else None,
@@ -199,7 +193,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             1 / cycle.value if cycle is not None else None),
         bias_step=BiasStep(step.value, step.columns[0][0]) if step is not None else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
-        shallow=edge_hz is not None and edge_hz * dt < LEAST_DESCRIBED)
+        shallow=edge_hz is not None and edge_hz * dt < thresholds.LEAST_DESCRIBED)
 
 
 def _warm_up(trend: ReportedTrend) -> WarmUp:

@@ -26,15 +26,6 @@ FEWEST_GROUPS = 24
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Uniform grid of a nuisance parameter."""
-
-    first: float
-    last: float
-    step: float
-
-
-@dataclass(frozen=True)
 class Band:
     """Frequencies that a grid may depend on: the lowest band and the lowest possible edge."""
 
@@ -56,7 +47,7 @@ class Shape:
     power : callable
         Power at frequencies in cycles per sample, given the nuisance.
     grid : callable, optional
-        Grid of the nuisance, given the band of a record.
+        Uniform grid of the nuisance, given the band of a record.
     at_output : bool
         Whether the term is added after all filters.
     like : str
@@ -67,16 +58,21 @@ class Shape:
     key: str
     prior: float
     power: Power
-    grid: Callable[[Band], Grid] | None = None
+    grid: Callable[[Band], Array] | None = None
     at_output: bool = False
     like: str = ''
 
 
-def _of_corner(highest: float, step: float = 0.1) -> Callable[[Band], Grid]:
+def _grid(first: float, last: float, step: float) -> Array:
+    """Return a grid of at least five values that reaches `last`."""
+    return np.asarray(first + step * np.arange(max(int(np.ceil((last - first) / step)) + 1, 5)))
+
+
+def _of_corner(highest: float, step: float = 0.1) -> Callable[[Band], Array]:
     """Return a grid of log corners, from the lowest with enough bands below it to `highest`."""
-    def grid(band: Band) -> Grid:
+    def grid(band: Band) -> Array:
         lowest = max(band.shortest_edge, LOWEST_CORNER)
-        return Grid(np.log(min(lowest, highest / 2)), np.log(highest), step)
+        return _grid(np.log(min(lowest, highest / 2)), np.log(highest), step)
     return grid
 
 
@@ -116,11 +112,11 @@ spectrum is f^-4, like that of an integrated random walk.
 FREE_SHAPES = (
     Shape('power_law', 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
           # Flatter noise would take the place of white noise behind an unlisted filter.
-          lambda _: Grid(0.4, 1.9, 0.1), like=FLICKER),
+          lambda _: _grid(0.4, 1.9, 0.1), like=FLICKER),
     Shape('gauss_markov', 0.05,
           lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
-          lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
-                                              np.log(50.0) + 1.4), 0.25), like=WHITE),
+          lambda band: _grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
+                                               np.log(50.0) + 1.4), 0.25), like=WHITE),
 )
 """Terms with a nuisance: slow noise of any exponent, and a Gauss-Markov process."""
 
@@ -143,7 +139,7 @@ LOW_PASSES = (
 )
 """Low-pass responses, at most one per model; the first may be too gentle to be detected."""
 
-HIGH_PASSES = (Shape('high_pass', 0.1, _high_pass, lambda band: Grid(
+HIGH_PASSES = (Shape('high_pass', 0.1, _high_pass, lambda band: _grid(
     np.log(band.slowest / 2), np.log(max(0.2, 2 * band.slowest)), 0.25)),)
 """A filter that tracks and subtracts a bias is slower than a fifth of the sample rate."""
 
@@ -215,11 +211,9 @@ class Tables:
 
     @cached_property
     def _ranges(self) -> Array:
-        own = [*self.terms, self.low_pass, self.high_pass]
-        shape = (len(self.low_pass.first), len(own))
-        return np.stack([np.stack([np.broadcast_to(end, shape[:1]) for end in ends], axis=1)
-                         for ends in ([table.first for table in own],
-                                      [table.last for table in own])])
+        own = (*self.terms, self.low_pass, self.high_pass)
+        return np.stack([np.stack(np.broadcast_arrays(*ends), axis=1) for ends in (
+            [table.first for table in own], [table.last for table in own])])
 
 
 @lru_cache(maxsize=8)
@@ -287,15 +281,9 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
 def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None
              ) -> Table:
     """Tabulate the log power of shapes on their grids; with `seen`, as the groups see a filter."""
-    rows, grids = [], []
-    for shape in shapes:
-        assert shape.grid is not None
-        grid = shape.grid(band)
-        values = grid.first + grid.step * np.arange(
-            max(int(np.ceil((grid.last - grid.first) / grid.step)) + 1, 5))
-        grids.append(values)
-        rows += [np.log(shape.power(nu, value) if seen is None else seen.of(shape.power, value))
-                 for value in values.tolist()]
+    grids = [shape.grid(band) for shape in shapes if shape.grid is not None]
+    rows = [np.log(shape.power(nu, value) if seen is None else seen.of(shape.power, value))
+            for shape, values in zip(shapes, grids, strict=True) for value in values.tolist()]
     count = np.array([len(values) for values in grids])
     return Table(np.array([v[0] for v in grids]), np.array([v[-1] for v in grids]),
                  np.array([v[1] - v[0] for v in grids]), np.stack(rows),

@@ -73,16 +73,12 @@ class TrendKind:
 
     def slopes(self, value: float, duration_s: float) -> tuple[Waveform, ...]:
         """Return the derivatives of the columns by the log nuisance, if they are smooth in it."""
-        if not self.smooth:
-            return ()
-        # Relative step of the numerical derivative
-        step = 0.01
-
+        # The relative step of the numerical derivative is 0.01.
         def slope(more: Waveform, less: Waveform) -> Waveform:
-            return lambda time: np.asarray((more(time) - less(time)) / (2 * step))
+            return lambda time: np.asarray((more(time) - less(time)) / 0.02)
 
-        return tuple(map(slope, *(self.columns(value * (1 + change), duration_s)
-                                  for change in (step, -step))))
+        return tuple(map(slope, self.columns(1.01 * value, duration_s),
+                         self.columns(0.99 * value, duration_s))) if self.smooth else ()
 
 
 TRENDS = (
@@ -218,11 +214,9 @@ class AxisBank:
     """Candidate trends at the slowest coefficients of one axis, without those of lines."""
 
     def __init__(self, bank: Bank, record: RecordSpectrum, slowest: int = _SLOWEST) -> None:
-        self.bank, self.record, self.kinds, self._slowest = bank, record, bank.kinds, slowest
-        bins = record.bins
-        used = slow = bins.whole & (bins.index <= slowest)
-        if record.keep is not None:
-            used = slow & record.keep
+        self.bank, self.record, self._slowest, bins = bank, record, slowest, record.bins
+        slow = bins.whole & (bins.index <= slowest)
+        used = slow if record.keep is None else slow & record.keep
         # Which of the slowest coefficients are not part of a line
         self._which = used[slow]
         self._frequency, self._ramp = bins.frequency[used], bins.of_ramp[used]
@@ -245,13 +239,12 @@ class AxisBank:
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
         value = (self._coefficient * root)[:, :, None]
         value = value - basis @ (basis.transpose(0, 2, 1) @ value)
-        return Whitened(root, basis * root[:, :, None], value[:, :, 0] * root)
+        return Whitened(self, beside, root, basis * root[:, :, None], value[:, :, 0] * root)
 
-    def gains(self, about: 'Whitened', number: int, values: Array | None = None) -> Array:
-        """Return the gains of a kind along its grid, or at `values`, shape (noises, values)."""
-        return about.gains(
-            self._columns[number] if values is None else
-            self.bank.regressors(self.kinds[number], values, self._slowest)[:, :, self._which])
+    def columns(self, number: int, values: Array | None = None) -> Array:
+        """Return the candidates of a kind along its grid, or at `values`."""
+        return self._columns[number] if values is None else self.bank.regressors(
+            self.bank.kinds[number], values, self._slowest)[:, :, self._which]
 
 
 @dataclass(frozen=True)
@@ -261,6 +254,9 @@ class Whitened:
 
     Attributes
     ----------
+    bank : AxisBank
+    others : sequence of Found
+        The other trends, besides the ramp.
     root : ndarray, shape (noises, coefficients)
         Reciprocal of the standard deviation.
     basis : ndarray, shape (noises, coefficients, other trends)
@@ -270,16 +266,20 @@ class Whitened:
 
     """
 
+    bank: AxisBank
+    others: Sequence[Found]
     root: Array
     basis: Array
     value: Array
 
     def one(self, number: int) -> 'Whitened':
         """Return the arrays of one of the noise models."""
-        return Whitened(*(array[number:number + 1] for array in vars(self).values()))
+        return replace(self, **{name: getattr(self, name)[number:number + 1]
+                                for name in ('root', 'basis', 'value')})
 
-    def gains(self, columns: Array) -> Array:
-        """Return the chi-square that candidates explain, shape (noises, values)."""
+    def gains(self, number: int, values: Array | None = None) -> Array:
+        """Return the chi-square that a kind explains along its grid, or at `values`."""
+        columns = self.bank.columns(number, values)
         along = np.tensordot(self.value, columns, (1, 2))
         taken = np.tensordot(self.basis, columns, (1, 2))
         products = np.einsum('vin,vjn->vijn', columns, columns)
@@ -293,6 +293,54 @@ class Whitened:
             return np.asarray(along[:, :, 0]**2 / np.maximum(gram, ridge)[:, :, 0, 0])
         gram += ridge * np.eye(columns.shape[1])
         return np.asarray((along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=2))
+
+    def likeliest(self, number: int, gains: Array) -> Found:
+        """
+        Find the best value of a nuisance, and the log of what integrating over it contributes.
+
+        `gains`: along the grid of the kind, for the only noise model.
+        """
+        kind, grid = self.bank.bank.kinds[number], self.bank.bank.grids[number]
+        values, gains = self._profile(number, gains)
+        near = np.exp((gains - gains.max()) / 2)
+        # The integral runs over the index, because grid values are equally likely.
+        place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
+        share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
+                 if kind.continuous and len(grid) > 1 else float(near.mean()))
+        return Found(kind, float(values[_largest(gains)]), _interval(values, gains),
+                     float(np.log(max(share, 1e-12))))
+
+    def _profile(self, number: int, gains: Array) -> tuple[Array, Array]:
+        """Return nuisance values of a kind and their gains, refined around the best value."""
+        bank = self.bank.bank
+        kind, values = bank.kinds[number], bank.grids[number]
+
+        def gained(at: Array, gains: Array) -> Array:
+            # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
+            for other in self.others:
+                if other.kind.key == kind.key:
+                    near = (np.abs(np.log(at / other.value)) < np.log(2) if kind.smooth else
+                            np.abs(at - other.value) < bank.duration_s / 64)
+                    gains = np.where(near, 0.0, gains)
+            return gains
+
+        gains = gained(values, gains)
+        if not kind.continuous or len(values) < 3:
+            return values, gains
+        # Refine the grid around the best value until the gain hardly changes.
+        for _ in range(8):
+            best = _largest(gains)
+            near = values[max(best - 1, 0):best + 2]
+            more = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
+            if not len(more):
+                break
+            values = np.append(values, more)
+            gains = np.append(gains, gained(more, self.gains(number, more)[0]))
+            order = np.argsort(values)
+            values, gains = values[order], gains[order]
+            if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
+                break
+        return values, gains
 
 
 def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
@@ -363,16 +411,15 @@ class _Search:
         """Yield the trends that are worth fitting, each added to those already chosen."""
         if self._about is None:
             return
-        for number, kind in enumerate(self.bank.kinds):
+        for number, kind in enumerate(self.bank.bank.kinds):
             if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most:
                 continue
-            gains = self.bank.gains(self._about, number)
+            gains = self._about.gains(number)
             net = gains.max(axis=1) - self._behind
             best = int(np.argmax(net))
             # With a gain below 9, a trend is not worth fitting.
             if net[best] >= 9.0:
-                yield (*self._chosen, likeliest(
-                    self.bank, number, self._about.one(best), gains[best], self._chosen))
+                yield (*self._chosen, self._about.one(best).likeliest(number, gains[best]))
 
     def go_on(self, fitted: Fitted) -> None:
         """Choose the best trend, if it clearly improves the evidence."""
@@ -441,9 +488,9 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
         for _ in found:
             first, *others = found
             about = search.bank.about(beside.frequency, lam, others)
-            number = search.bank.kinds.index(first.kind)
-            gains = search.bank.gains(about, number)[0]
-            first = likeliest(search.bank, number, about, gains, others)
+            number = search.bank.bank.kinds.index(first.kind)
+            gains = about.gains(number)[0]
+            first = about.likeliest(number, gains)
             if last and first.kind.key == 'bias_step' and gains.max() > 30:
                 first = _located(search.bank, number, first, others, beside.frequency, lam)
             found = (*others, first)
@@ -459,27 +506,9 @@ def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found],
     for slowest in (8 * _SLOWEST, 64 * _SLOWEST):
         finer = AxisBank(bank.bank, bank.record, slowest)
         values = found.value + bank.bank.duration_s / slowest * np.arange(-8, 8.1, 0.5)
-        gains = finer.gains(finer.about(frequency, lam, others), number, values)[0]
+        gains = finer.about(frequency, lam, others).gains(number, values)[0]
         found = replace(found, value=float(values[_largest(gains)]))
     return found
-
-
-def likeliest(bank: AxisBank, number: int, about: Whitened, gains: Array,
-              others: Sequence[Found]) -> Found:
-    """
-    Find the best value of a nuisance, and the log of what integrating over it contributes.
-
-    `gains`: along the grid of the kind.
-    """
-    kind = bank.kinds[number]
-    values, gains = _profile(bank, number, about, gains, others)
-    near, grid = np.exp((gains - gains.max()) / 2), bank.bank.grids[number]
-    # The integral runs over the index, because grid values are equally likely.
-    place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
-    share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
-             if kind.continuous and len(grid) > 1 else float(near.mean()))
-    return Found(kind, float(values[_largest(gains)]), _interval(values, gains),
-                 float(np.log(max(share, 1e-12))))
 
 
 def expected_powers(spectra: Spectra, rows: Rows) -> Array:
@@ -507,39 +536,6 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
             total += (np.log(one.kind.prior / 2) + 0.5 * np.log(2 * np.pi / square)).sum(axis=1)
         at += one.width
     return total
-
-
-def _profile(bank: AxisBank, number: int, about: Whitened, gains: Array,
-             others: Sequence[Found]) -> tuple[Array, Array]:
-    """Return nuisance values of a kind and their gains, refined around the best value."""
-    kind, values = bank.kinds[number], bank.bank.grids[number]
-    same = [one.value for one in others if one.kind.key == kind.key]
-
-    def gained(at: Array, gains: Array) -> Array:
-        # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
-        for value in same:
-            near = (np.abs(np.log(at / value)) < np.log(2) if kind.smooth else
-                    np.abs(at - value) < bank.bank.duration_s / 64)
-            gains = np.where(near, 0.0, gains)
-        return gains
-
-    gains = gained(values, gains)
-    if not kind.continuous or len(values) < 3:
-        return values, gains
-    # Refine the grid around the best value until the gain hardly changes.
-    for _ in range(8):
-        best = _largest(gains)
-        near = values[max(best - 1, 0):best + 2]
-        more = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
-        if not len(more):
-            break
-        values, gains = (np.concatenate(pair) for pair in (
-            (values, more), (gains, gained(more, bank.gains(about, number, more)[0]))))
-        order = np.argsort(values)
-        values, gains = values[order], gains[order]
-        if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
-            break
-    return values, gains
 
 
 def _largest(gains: Array) -> int:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.block import NEIGHBOURS
 from imu_allan.noise import spectrum
-from imu_allan.noise.record.interpolation import white_through_interpolation
 from imu_allan.noise.record.periodogram import SpectrumSection
 import numpy as np
 
@@ -67,6 +67,22 @@ def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
 
 _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same with a cache for blocks, which have few lengths, unlike whole records."""
+
+
+def white_through_interpolation(nu: Array, share: float) -> Array:
+    """
+    Return the power of white noise with interpolated samples, relative to a full record.
+
+    `nu`, shape (n,): in cycles per sample. `share`: of interpolated samples. The received ones are
+    white; lost ones repeat the noise of neighbours that are farther apart where many are lost.
+    As they lie at random places, a white error is added.
+    """
+    kept, turn = 1 - share, np.exp(2j * np.pi * nu)
+    # Distances to the next received sample are geometric; those to the following ones are sums.
+    shared = np.mean([np.real((kept * turn / (1 - share * turn))**number)
+                      for number in range(1, NEIGHBOURS + 1)], axis=0)
+    error = share * kept / (2 * NEIGHBOURS)
+    return np.asarray((kept + share * shared)**2 / kept + error)
 
 
 def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float = 0.0) -> Bins:

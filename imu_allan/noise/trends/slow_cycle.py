@@ -156,10 +156,9 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
         record.bins.frequency < _fastest(record))
     theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
-    axis = AxisBank(bank, replace(record, keep=keep))
     number = [kind.key for kind in bank.kinds].index('slow_cycle')
-    expected = _expected(groups, theta)
-    gains = axis.gains(axis.about(groups.frequency, expected, ()), number)[0]
+    gains = AxisBank(bank, replace(record, keep=keep)).about(
+        groups.frequency, _expected(groups, theta), ()).gains(number)[0]
     return float(bank.grids[number][int(np.argmax(gains))])
 
 
