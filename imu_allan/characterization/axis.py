@@ -134,8 +134,11 @@ def axis_results(finished: Estimator, sample_rate_hz: float, quantities: Sequenc
     found = []
     fits = fit_axes(finished, dt) if fits is None else fits
     for axis, (quantity, fitted) in enumerate(zip(quantities, fits, strict=True)):
-        base = replace(_empty(quantity, float(finished.mean[axis]) if finished.samples else None),
-                       signal=signals[axis])
+        nothing = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, None)
+                   for key, term in TERMS.items()}
+        mean = float(finished.mean[axis]) if finished.samples else None
+        base = AxisResult(quantity.value, quantity.unit, mean, None, (), nothing, GoodnessOfFit(
+            None, None, False), Curve((), (), (), (), (), ()), signal=signals[axis])
         found.append(_unfitted(base, finished, axis, points, dt) if fitted is None
                      else _fitted(base, fitted, finished, axis, points, dt))
     return found
@@ -165,7 +168,7 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
 def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, points: Octaves,
             dt: float) -> tuple[AxisResult, list[Finding]]:
     """Return an axis with all that was fitted, and the findings worth reporting."""
-    quantity, fitted = Quantity(base.quantity), found.fit
+    fitted = found.fit
     step, noise = float(finished.census.step[axis]), float(sample_noise(finished)[axis])
     coarse = 0 < noise < step < np.inf
     if coarse:
@@ -173,7 +176,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         fitted = replace(fitted, high_pass_hz=None)
     elif fitted.high_pass_hz is not None:
         fitted = fitted.behind_high_pass()
-    remarks = [*fit_findings(fitted, quantity)]
+    remarks = [*fit_findings(fitted, base.unit)]
     if coarse:
         # An output of two values at random has a ratio of 2, however small the noise behind it.
         remarks.append(finding(
@@ -187,9 +190,9 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         remarks += steadiness_findings(found.steadiness, parts.segments)
     forecast = _forecast(fitted, dt, int(points.count[0]) + 1)
     coefficients = {
-        key: replace(_coefficient(key, quantity, estimate, *forecast.get(key, (None, None))),
-                     between=fitted.between.get(key))
-        for key, estimate in fitted.estimates.items()}
+        key: replace(_coefficient(base.coefficients[key], fitted.estimates[key],
+                                  *forecast.get(key, (None, None))),
+                     between=fitted.between.get(key)) for key in TERMS}
     curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
     if fitted.high_pass_hz is None:
         highest = interval(points.avar[:, axis], np.array(curve.edf), CERTAIN)[1]
@@ -205,26 +208,16 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
-    frequency, passed = found.whole.frequency, ()
-    if fitted.passed is not None:
-        passed = tuple(np.interp(frequency, *fitted.passed).tolist())
+    frequency = found.whole.frequency
+    passed = () if fitted.passed is None else tuple(np.interp(frequency, *fitted.passed).tolist())
+    described = fitted.acceptable and leaves_s is None
     return with_model_curve(replace(
-        base,
-        band_limit_s=fitted.window_s,
-        band_edge_hz=fitted.edge_hz,
-        tones=tuple(found.lines),
-        coefficients={key: coefficients[key] for key in TERMS},
-        goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
-                                      fitted.acceptable and leaves_s is None),
-        curve=curve,
-        drift_model=drift,
-        gauss_markov=process,
-        power_law=fitted.power_law,
-        high_passed_hz=fitted.high_pass_hz,
+        base, band_limit_s=fitted.window_s, band_edge_hz=fitted.edge_hz,
+        high_passed_hz=fitted.high_pass_hz, tones=tuple(found.lines), coefficients=coefficients,
+        goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit, described), curve=curve,
+        drift_model=drift, gauss_markov=process, power_law=fitted.power_law,
         spectrum=Spectrum(tuple(frequency.tolist()), tuple(density.tolist()), passed),
-        trend=fitted.trend,
-        stationarity=parts,
-        coarse_step=step if coarse else None)), remarks
+        trend=fitted.trend, stationarity=parts, coarse_step=step if coarse else None)), remarks
 
 
 def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
@@ -243,13 +236,6 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
     return forecast
 
 
-def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
-    nothing = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, None)
-               for key, term in TERMS.items()}
-    return AxisResult(quantity.value, quantity.unit, mean, None, (), nothing,
-                      GoodnessOfFit(None, None, False), Curve((), (), (), (), (), ()))
-
-
 def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
                   ) -> Stationarity | None:
     """Return the segments of an axis, each with its own mean, density and drift."""
@@ -265,30 +251,27 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
     share = 1 - powers.drift_samples / powers.duration
     white = density.value**2 / (powers.drift_samples * dt) * share
     drift = np.sqrt(np.maximum(powers.drift[axis]**2 - white, 0.0))
+    mean = finished.reference[axis] + powers.mean[axis]
     segments = []
-    for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
+    for number, (start_s, duration_s, at, moved) in enumerate(np.column_stack((
+            powers.start * dt, powers.duration * dt, mean, drift)).tolist()):
         own, interval = None, None
         if ratio is not None:
             own = float(density.value * ratio[0][number])
             error = NORMAL95 * float(ratio[1][number])
             interval = own * (1 - error), own * (1 + error)
-        segments.append(Segment(
-            float(start * dt), float(count * dt),
-            float(finished.reference[axis] + powers.mean[axis, number]), own, interval,
-            float(drift[number])))
+        segments.append(Segment(start_s, duration_s, at, own, interval, moved))
     return Stationarity(steady.steady, steady.p_value, tuple(segments))
 
 
-def _coefficient(key: str, quantity: Quantity, estimate: Estimate,
-                 observable_in_s: float | None, ci_halves_in_s: float | None) -> Coefficient:
-    bound = Coefficient(
-        TERMS[key].symbol, TERMS[key].unit(quantity), False, None, None,
-        float(estimate.upper) if np.isfinite(estimate.upper) else None,
-        observable_in_s, presence=float(estimate.presence))
-    return bound if not estimate.observable else replace(
-        bound, observable=True, value=float(estimate.value),
-        ci95=(float(estimate.low), float(estimate.high)), upper95=None, observable_in_s=None,
-        ci_halves_in_s=ci_halves_in_s)
+def _coefficient(unknown: Coefficient, estimate: Estimate, observable_in_s: float | None,
+                 ci_halves_in_s: float | None) -> Coefficient:
+    if estimate.observable:
+        return replace(unknown, observable=True, value=estimate.value,
+                       ci95=(estimate.low, estimate.high), ci_halves_in_s=ci_halves_in_s,
+                       presence=estimate.presence)
+    return replace(unknown, upper95=estimate.upper if np.isfinite(estimate.upper) else None,
+                   observable_in_s=observable_in_s, presence=estimate.presence)
 
 
 def _signals(finished: Estimator, dt: float) -> list[Signal | None]:

@@ -92,20 +92,18 @@ class Group(Record):
         `epoch_ns`: stamp of the clock in use at time zero of the block's `start_s`.
         `interval_ns`: sample interval by the clock.
         """
-        estimator = self.estimator
-        self.latest.add(block.samples, block.new_run or block.first_index > self.end)
+        estimator, skipped = self.estimator, max(block.first_index - self.end, 0)
+        self.latest.add(block.samples, block.new_run or skipped > 0)
         if not estimator.samples:
             # Samples left out at the very beginning still take up time.
             estimator.signal.skip(block.first_index)
         elif block.new_run:
             estimator.start_run()
-        elif block.first_index > self.end:
-            skipped = block.first_index - self.end
-            if self.moved:
-                estimator.start_run()
-                estimator.signal.skip(skipped)
-            else:
-                estimator.skip(skipped)
+        elif self.moved:
+            estimator.start_run()
+            estimator.signal.skip(skipped)
+        elif skipped:
+            estimator.skip(skipped)
         self.moved = False
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)

@@ -34,7 +34,6 @@ from imu_allan.result import (
     AxisResult,
     RecordingPart,
     Result,
-    Source,
     Timeline,
     Total,
     TurnOnBias,
@@ -87,19 +86,15 @@ def joint_result(recordings: Sequence[Characterization],
     remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline(parts, rate)
     summary = replace(first.summary, timeline=timeline)
-    source = parts[0].result.source
     spread = _turn_on_bias(parts, axes)
+    differ = (finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
+                      sigma_high=found.ci95[1], unit=axes[name].unit)
+              for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0)
     return Result(
         parts[0].result.imu_allan_version,
-        Source('recording', ' + '.join(part.path for part in parts), source.topic,
-               source.frame_id, source.start_time, source.clock),
+        replace(parts[0].result.source, path=' + '.join(part.path for part in parts)),
         timeline, axes,
-        (*_contradictions(parts, axes),
-         *(finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
-                   sigma_high=found.ci95[1], unit=axes[name].unit)
-           for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0),
-         *_of_each(parts),
-         *remarks_of_axes,
+        (*_contradictions(parts, axes), *differ, *_of_each(parts), *remarks_of_axes,
          *tone_findings(axes, rate), *length_findings(axes, summary)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
@@ -166,9 +161,9 @@ def _timeline(parts: Sequence[_Part], rate_hz: float) -> Timeline:
     all_gaps, all_motion = (
         Total(sum(one.count for one in each), sum(one.duration_s for one in each))
         for each in zip(*(timeline.totals for timeline in timelines), strict=True))
-    return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion,
+    return Timeline(sample_rate_hz=rate_hz, gaps=gaps, motion=motion, **counts,
                     all_gaps=all_gaps if all_gaps.count > len(gaps) else None,
-                    all_motion=all_motion if all_motion.count > len(motion) else None, **counts)
+                    all_motion=all_motion if all_motion.count > len(motion) else None)
 
 
 def _of_each(parts: Sequence[_Part]) -> list[Finding]:
@@ -187,15 +182,13 @@ def _of_each(parts: Sequence[_Part]) -> list[Finding]:
 def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dict[str, TurnOnBias]:
     spread = {}
     for name, axis in axes.items():
-        if not mean_is_known(axis):
-            continue
         own = [part for part in parts if mean_is_known(part.result.axes[name])]
-        # The joint coefficients give the best error of a mean over a recording.
-        means = [part.result.axes[name].mean or 0.0 for part in own]
-        lengths = [part.record.group_of(name).estimator.samples / part.record.rate_hz
-                   for part in own]
-        if len(own) > 1 and any(axis.curve.adev):
-            spread[name] = turn_on_bias(means, axis, lengths)
+        if len(own) > 1 and mean_is_known(axis) and any(axis.curve.adev):
+            # The joint coefficients give the best error of a mean over a recording.
+            spread[name] = turn_on_bias(
+                [part.result.axes[name].mean or 0.0 for part in own], axis,
+                [part.record.group_of(name).estimator.samples / part.record.rate_hz
+                 for part in own])
     return spread
 
 
@@ -208,14 +201,13 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
         if value is None or found.ci95 is None:
             continue
         _, values, errors = _shown(name, key, parts)
-        if len(values) > 1:
-            between = random_effects(values, errors).between
-            q, free = q_statistic(values, errors), len(values) - 1
-            if _survival(q, free) <= _CONTRADICTION:
+        if (free := len(values) - 1) > 0:
+            q = q_statistic(values, errors)
+            if chi_square.survival(q, free) <= _CONTRADICTION:
                 # Birge ratio: at least as wide as the scatter of the recordings.
                 found = widened_interval(found, sqrt(q / free))
-            found = replace(found, between=value * between)
-        coefficients[key] = found
+            coefficients[key] = replace(
+                found, between=value * random_effects(values, errors).between)
     return replace(axis, coefficients=coefficients)
 
 
@@ -225,16 +217,16 @@ def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> l
     compared = [(name, key) for name in axes for key in LASTING_TERMS]
     for name, key in compared:
         paths, values, errors = _shown(name, key, parts)
-        if len(values) < 2 or _survival(q_statistic(values, errors), len(values) - 1
-                                        ) > _CONTRADICTION / len(compared):
+        if len(values) < 2 or chi_square.survival(
+                q_statistic(values, errors), len(values) - 1) > _CONTRADICTION / len(compared):
             continue
-        every = np.arange(len(values))
-        usual = [_weighted_mean(values[every != one], errors[every != one]) for one in every]
-        odd = int(np.argmax([abs(value - mean) / sqrt(error**2 + of_mean**2) for value, error, (
-            mean, of_mean) in zip(values, errors, usual, strict=True)]))
+        # The weighted mean of the others, and its error
+        weights = np.maximum(errors, 1e-12)**-2.0 * ~np.eye(len(values), dtype=bool)
+        usual, of_usual = weights @ values / weights.sum(axis=1), weights.sum(axis=1)**-0.5
+        odd = int(np.argmax(np.abs(values - usual) / np.hypot(errors, of_usual)))
         remarks.append(finding(
             'recordings_disagree', (name,), coefficient=key, value=exp(values[odd]),
-            of_recording=paths[odd], usual_value=exp(usual[odd][0]),
+            of_recording=paths[odd], usual_value=exp(usual[odd]),
             others=[path for path in paths if path != paths[odd]],
             unit=TERMS[key].unit(AXES[name])))
     return remarks
@@ -252,13 +244,3 @@ def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Arra
             values.append(log(found.value))
             errors.append(half / NORMAL95)
     return paths, np.array(values), np.array(errors)
-
-
-def _weighted_mean(values: Array, errors: Array) -> tuple[float, float]:
-    """Return the weighted mean of values, and its error."""
-    weights = np.maximum(errors, 1e-12)**-2.0
-    return float(np.average(values, weights=weights)), float(weights.sum())**-0.5
-
-
-def _survival(q: float, free: int) -> float:
-    return float(chi_square.survival(q, free))

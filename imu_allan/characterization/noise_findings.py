@@ -4,14 +4,13 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import isfinite, isinf, log
-from typing import Any
 
 from imu_allan.characterization.thermometer import Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
+from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Segment, Trend
 from imu_allan.timeline import TimelineSummary
 
@@ -32,9 +31,8 @@ def tone_findings(axes: Mapping[str, AxisResult], rate_hz: float) -> Iterator[Fi
                 half_rate=any(2 * tone.frequency_hz > 0.995 * rate_hz for tone in axis.tones))
 
 
-def fit_findings(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
+def fit_findings(fitted: AxisReport, unit: str) -> Iterator[Finding]:
     """Report what the noise of an axis contains besides the coefficients, and its trends."""
-    unit = quantity.unit
     if fitted.high_pass_hz is not None:
         yield finding('high_passed', corner_hz=fitted.high_pass_hz)
     if fitted.edge_hz is not None:
@@ -73,16 +71,12 @@ def fit_findings(fitted: AxisReport, quantity: Quantity) -> Iterator[Finding]:
         yield finding('trend_or_walk')
 
 
-def steadiness_findings(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
+def steadiness_findings(steady: Steadiness, segments: Sequence[Segment]) -> Iterator[Finding]:
     """Report in which band the noise changes most, and by how much."""
-    change = steady.change
-    if change is None:
-        return []
-    band: dict[str, Any] = {
-        'low_hz': change.low_hz if change.low_hz > 0 else None,
-        'high_hz': None if isinf(change.high_hz) else change.high_hz}
-    return [finding('not_steady', **band, spread_share=change.spread,
-                    segment_s=segments[0].duration_s)]
+    if (change := steady.change) is not None:
+        yield finding('not_steady', low_hz=change.low_hz or None,
+                      high_hz=None if isinf(change.high_hz) else change.high_hz,
+                      spread_share=change.spread, segment_s=segments[0].duration_s)
 
 
 def steady_after_s(trend: Trend | None, flicker: float) -> float:
@@ -114,9 +108,10 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
     the shortest of several. Returns: `start_s` of a warm-up is what ``--start`` should be, the
     latest end of a warm-up within the first half; None if there is none.
     """
-    flickers = ((axis, axis.coefficients['bias_instability']) for axis in axes.values())
-    ends = [steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
-            for axis, flicker in flickers]
+    ends = []
+    for axis in axes.values():
+        flicker = axis.coefficients['bias_instability']
+        ends.append(steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0))
     start_s = max((end for end in ends if 0 < end <= length_s / 2), default=None)
     return [one.with_values(start_s=start_s) if one.code == 'warm_up' else one for one in found]
 
@@ -131,15 +126,12 @@ def length_findings(axes: Mapping[str, AxisResult], summary: TimelineSummary,
     """
     live = {name: axis for name, axis in axes.items()
             if axis.goodness_of_fit.p_value is not None}
-    length_s = summary.timeline.duration_s
-    if not live:
-        few = summary.timeline.samples < SHORTEST_RECORD
-        return [finding('short_recording', severity='act', samples=summary.timeline.samples,
-                        needed=SHORTEST_RECORD, duration_s=length_s)] if few else []
-    return [
-        finding('short_recording', (name,),
-                severity='act' if key == 'noise_density' else 'know',
-                coefficient=key, duration_s=length_s)
-        for key in ('noise_density', 'rate_random_walk') for name, axis in live.items()
-        if not axis.coefficients[key].observable
-        and not (key == 'rate_random_walk' and name in unclear)]
+    samples, length_s = summary.timeline.samples, summary.timeline.duration_s
+    if not live and samples < SHORTEST_RECORD:
+        return [finding('short_recording', severity='act', samples=samples,
+                        needed=SHORTEST_RECORD, duration_s=length_s)]
+    return [finding('short_recording', (name,), coefficient=key, duration_s=length_s,
+                    severity='act' if key == 'noise_density' else 'know')
+            for key, hidden in (('noise_density', ()), ('rate_random_walk', unclear))
+            for name, axis in live.items()
+            if not axis.coefficients[key].observable and name not in hidden]

@@ -352,9 +352,6 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     fits: Fits = {}
     for group in record.groups:
         own, remarks, own_fits = _fitted_group(group, record.rate_hz)
-        own = {name: widened(axis, 0.0, leaked_share(
-            axis, group.estimator.interpolated_share, 1 / record.rate_hz))
-            for name, axis in own.items()}
         fitted |= own
         fits |= own_fits
         found += remarks
@@ -372,14 +369,14 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
 def _fitted_group(group: FinishedGroup, rate_hz: float
                   ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
     """Fit the axes of a group, and compare them with each other."""
-    names, finished = group.names, group.estimator
-    fits = fit_axes(finished, 1 / rate_hz, group.temperature)
+    names, finished, dt = group.names, group.estimator, 1 / rate_hz
+    fits = fit_axes(finished, dt, group.temperature)
     fitted = axis_results(finished, rate_hz, [AXES[name] for name in names], fits)
-    spectrum = finished.periodogram
-    tested = backtest(spectrum.series, spectrum.cell, 1 / rate_hz)
+    tested = backtest(finished.periodogram.series, finished.periodogram.cell, dt)
     axes: dict[str, AxisResult] = {}
     own: list[Finding] = []
     for name, (axis, remarks), test in zip(names, fitted, tested, strict=True):
-        axes[name] = replace(axis, backtest=test if axis.drift_model else None)
+        axes[name] = widened(replace(axis, backtest=test if axis.drift_model else None), 0.0,
+                             leaked_share(axis, finished.interpolated_share, dt))
         own += [remark.of(name) for remark in remarks]
     return axes, own, dict(zip(names, fits, strict=True))
