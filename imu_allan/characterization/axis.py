@@ -175,7 +175,8 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         # Isolated quantization steps leave little power below their rate, like a high-pass filter.
         fitted = replace(fitted, high_pass_hz=None)
     elif fitted.high_pass_hz is not None:
-        fitted = fitted.behind_high_pass()
+        # The slow noise that remains after such a filter is of no use to anyone.
+        fitted = fitted.bounded(*SLOW_TERMS)
     remarks = [*fit_findings(fitted, base.unit)]
     if coarse:
         # An output of two values at random has a ratio of 2, however small the noise behind it.

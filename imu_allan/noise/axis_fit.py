@@ -13,13 +13,7 @@ from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.posterior.trend_search import (
-    Bank,
-    lags_of,
-    TRENDS,
-    waveforms,
-    with_temperature,
-)
+from imu_allan.noise.posterior.trend_search import Bank, kinds_of_trends, lags_of, waveforms
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
@@ -103,8 +97,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     heat = [] if temperature is None else [
         temperature.of_sensor(float(lag)).trend for lag in lags_of(temperature)]
     sources = _sources(finished, sections, axes, dt)
-    kinds = TRENDS if temperature is None else with_temperature(temperature)
-    bank = Bank(sources[0].record, kinds)
+    bank = Bank(sources[0].record, kinds_of_trends(temperature))
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
     for without in (_without_found_cycle, _without_found_trends):

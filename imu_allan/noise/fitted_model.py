@@ -130,10 +130,9 @@ def hidden_avar(axis: AxisResult, tau: Array) -> Array:
     for key in LASTING_TERMS:
         found = axis.coefficients.get(key)
         # Noise of another exponent replaces flicker, so the bound of flicker does not apply.
-        if found is None or found.upper95 is None or (
-                key == 'bias_instability' and axis.power_law is not None):
-            continue
-        hidden = np.maximum(hidden, TERMS[key].adev(found.upper95, tau)**2)
+        replaced = key == 'bias_instability' and axis.power_law is not None
+        if found is not None and found.upper95 is not None and not replaced:
+            hidden = np.maximum(hidden, TERMS[key].adev(found.upper95, tau)**2)
     return hidden
 
 

@@ -21,11 +21,7 @@ from imu_allan.noise.chi_square import equal_variances
 from imu_allan.noise.record.cells import Cells, end_to_end
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.record.part_of_record import part_cells
-from imu_allan.noise.record.periodogram import (
-    HIGHEST_OF_MEANS,
-    Periodogram,
-    whole_sections,
-)
+from imu_allan.noise.record.periodogram import HIGHEST_OF_MEANS, Periodogram, whole_sections
 from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 
@@ -162,28 +158,25 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         return Steadiness(1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
     p_value = equal_variances(at, count)
-    spread = _spread(at, count)
+    if p_value >= _CHANGED:
+        return Steadiness(p_value, None, middle, np.zeros(len(middle)))
     # Neighbouring half-octaves change together, so smooth the spread over 0.7 octaves.
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
-    smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
+    smooth = np.sqrt(weight @ _spread(at, count)**2 / weight.sum(axis=1))
     # Broad bands, for which findings report a change.
     edges = (0.0, 0.03, 0.3, 3.0, np.inf)
     broad = _by_band(np.digitize(frequency, edges[1:-1]), ratio, dof, frequency)
     assert broad is not None
     at, centre, count = broad
     wide = _spread(at, count)
-    change = None
     for place in np.argsort(-wide):
-        only = slice(place, place + 1)
         # A relative spread of 5 % of the power does not matter.
-        if wide[place] > 0.05 and equal_variances(at[:, only], count[:, only]) < _CHANGED:
+        if wide[place] > 0.05 and equal_variances(at[:, [place]], count[:, [place]]) < _CHANGED:
             band = int(np.digitize(centre[place], edges[1:-1]))
             change = Change(edges[band], edges[band + 1], float(wide[place]) / 2)
-            break
-    if p_value >= _CHANGED:
-        change, smooth = None, np.zeros(len(smooth))
-    return Steadiness(p_value, change, middle, smooth)
+            return Steadiness(p_value, change, middle, smooth)
+    return Steadiness(p_value, None, middle, smooth)
 
 
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,

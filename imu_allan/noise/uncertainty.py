@@ -23,18 +23,14 @@ CERTAIN = 0.9998
 """Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""
 
 
-def as_bound(found: Coefficient, upper95: float | None) -> Coefficient:
-    """Return a coefficient of which only an upper bound is known."""
-    return replace(found, observable=False, value=None, ci95=None, upper95=upper95,
-                   observable_in_s=None, ci_halves_in_s=None)
-
-
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis with its slow terms as upper bounds, as they may have another cause."""
     coefficients = dict(axis.coefficients)
     for key in SLOW_TERMS:
         if (found := coefficients[key]).observable and found.ci95 is not None:
-            coefficients[key] = as_bound(found, found.ci95[1])
+            coefficients[key] = replace(
+                found, observable=False, value=None, ci95=None, upper95=found.ci95[1],
+                observable_in_s=None, ci_halves_in_s=None)
     return with_model_curve(replace(axis, coefficients=coefficients))
 
 

@@ -47,16 +47,11 @@ def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
     return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
 
 
-def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
-    """Return the spread of a deviation's logarithm in a finite, steady record, shape (n,)."""
-    # The limit, for a horizon of thousands of records, keeps its band finite.
-    dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
-    return np.asarray(np.sqrt(1 / (2 * dof)))
-
-
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
     """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
-    return np.asarray(np.hypot(spread_of_shortness(axis, horizons), _UNSTEADINESS[axis.quantity]))
+    # The limit, for a horizon of thousands of records, keeps its band finite.
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
+    return np.asarray(np.hypot(np.sqrt(1 / (2 * dof)), _UNSTEADINESS[axis.quantity]))
 
 
 def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike

@@ -153,4 +153,4 @@ def distinct(rows: Rows) -> Rows:
         if not any(kind[i] == kind[k] and ((np.abs(rows.x[i] - rows.x[k]) < reach[k])
                                            | ~rows.has[i]).all() for k in kept):
             kept.append(i)
-    return rows.take(np.array(kept))
+    return rows.take(kept)

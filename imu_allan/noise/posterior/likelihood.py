@@ -193,9 +193,13 @@ class Rows:
         """Return the number of rows."""
         return len(self.of)
 
-    def take(self, which: Ints | Bools) -> 'Rows':
+    def take(self, which: Ints | Bools | list[int]) -> 'Rows':
         """Return a selection of the rows, by index or by mask."""
         return Rows(*[array[which] for array in vars(self).values()])
+
+    def best(self) -> 'Rows':
+        """Return the row of the largest evidence."""
+        return self.take([int(np.argmax(self.evidence))])
 
     @staticmethod
     def joined(parts: Sequence['Rows']) -> 'Rows':

@@ -133,16 +133,11 @@ def posteriors(groups: Sequence[Groups], dt: float,
         bank = Bank(some, TRENDS)
     if bank is not None and (more := fit_trends(spectra, starts, found, records, bank)):
         fitted = fitted.joined(more)
-    judged = [_judged(fitted.spectra, _best(fitted.rows.take(fitted.axis == axis)))
+    judged = [_judged(fitted.spectra, fitted.rows.take(fitted.axis == axis).best())
               for axis in axes]
     models = _drawn(_refitted(fitted, [factor for *_, factor in judged]), axes)
     return [Posterior(own, p_value, misfit, edge)
             for own, (p_value, misfit, edge, _) in zip(models, judged, strict=True)]
-
-
-def _best(rows: Rows) -> Rows:
-    """Return the row of the largest evidence."""
-    return rows.take(np.array([int(np.argmax(rows.evidence))]))
 
 
 def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Array]:
@@ -271,8 +266,7 @@ def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
     counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
     found: list[list[Drawn]] = [[] for _ in axes]
     for i, draws in enumerate(sample(spectra, rows, counts)):
-        found[own[i]].append(Drawn(
-            rows.take(np.array([i])), spectra, fitted.trends[rows.of[i]], draws))
+        found[own[i]].append(Drawn(rows.take([i]), spectra, fitted.trends[rows.of[i]], draws))
     return [_weighted(models) for models in found]
 
 

@@ -70,7 +70,7 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
     rows = replace(rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))
     # Parts may differ in their white noise, which says nothing of the random walk.
-    lam, slopes, used = spectrum(spectra, rows.take(np.array([2 * count])), x[[2 * count]])
+    lam, slopes, used = spectrum(spectra, rows.take([2 * count]), x[[2 * count]])
     white = spectra.dof[-1] * (slopes[np.searchsorted(used, N), 0] / 2 / lam[0])**2
     level = (own @ (white * spectra.power[-1] / lam[0])) / np.maximum(own @ white, 1e-9)
     columns = spectra.columns.copy()

@@ -26,7 +26,6 @@ from imu_allan.noise.posterior.estimates import (
     window_of,
 )
 from imu_allan.noise.posterior.posterior import Posterior
-from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
@@ -117,17 +116,14 @@ class AxisReport:
                 or trend.warm_up is not None or trend.temperature is not None
                 or trend.cycle_s is not None)
 
-    def behind_high_pass(self) -> 'AxisReport':
-        """Return the report of a signal whose slow part was removed by a filter."""
-        # The slow noise that remains after such a filter is of no use to anyone.
-        slow = {key: replace(self.estimates[key], observable=False) for key in SLOW_TERMS}
-        return replace(self, estimates={**self.estimates, **slow})
+    def bounded(self, *keys: str) -> 'AxisReport':
+        """Return the report with some of the terms as upper bounds."""
+        bounds = {key: replace(self.estimates[key], observable=False) for key in keys}
+        return replace(self, estimates={**self.estimates, **bounds})
 
     def without_random_walk(self) -> 'AxisReport':
         """Return the report with the random walk as an upper bound: it may have another cause."""
-        bound = replace(self.estimates['rate_random_walk'], observable=False)
-        return replace(self, estimates={**self.estimates, 'rate_random_walk': bound},
-                       random_walk_unclear=True)
+        return replace(self.bounded('rate_random_walk'), random_walk_unclear=True)
 
 
 def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | None = None,

@@ -103,7 +103,7 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
     slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
     found = best_of(spectra, slow, kept, 8)
-    crossed = [_crossed(spectra, of_axis(found, axis), own.take(np.array([number])))
+    crossed = [_crossed(spectra, of_axis(found, axis), own.take([number]))
                for axis, own in enumerate(ends) for number in range(1, len(own))]
     if crossed:
         more = maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)
@@ -200,7 +200,7 @@ def _ends(rows: Rows) -> Rows:
     seen: dict[tuple[int, ...], int] = {}
     for i, end in enumerate(fast_ends(rows)):
         seen.setdefault(end, i)
-    return rows.take(np.array([*seen.values()][:5]))
+    return rows.take([*seen.values()][:5])
 
 
 def fast_ends(rows: Rows) -> list[tuple[int, ...]]:

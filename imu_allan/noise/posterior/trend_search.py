@@ -12,6 +12,7 @@ for one column, and (prior/g) e^(g/2) for two.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise.posterior.evidence import maximise_rows
@@ -102,8 +103,10 @@ def lags_of(temperature: TemperatureSeries) -> Array:
     return np.sort([0.0, *(sign * lag for lag in lags if lag < longest for sign in (1, -1))])
 
 
-def with_temperature(temperature: TemperatureSeries) -> tuple[TrendKind, ...]:
-    """Return `TRENDS` preceded by the lagged temperature."""
+def kinds_of_trends(temperature: TemperatureSeries | None) -> tuple[TrendKind, ...]:
+    """Return `TRENDS`, preceded by the lagged temperature if it is known."""
+    if temperature is None:
+        return TRENDS
     lags = lags_of(temperature)
     return (TrendKind('temperature', 0.15, lambda _: lags,
                       lambda lag, _: (temperature.of_sensor(lag).trend,)), *TRENDS)
@@ -391,7 +394,7 @@ class _Search:
     """Greedy search for the trends of one axis."""
 
     def __init__(self, axis: int, rows: Rows, bank: AxisBank) -> None:
-        self.axis, self.bank, self.best = axis, bank, rows.take(np.array([0]))
+        self.axis, self.bank, self.best = axis, bank, rows.take([0])
         self._top = float(rows.evidence.max())
         self._chosen: tuple[Found, ...] = ()
         self._about: Whitened | None = None
@@ -438,7 +441,7 @@ class _Search:
         kinds = [np.flatnonzero(rows.has[:, K] == there) for there in (True, False)]
         near = [int(kind[np.argmax(rows.evidence[kind])]) for kind in kinds if len(kind)]
         if near:
-            self._look(fitted.spectra, rows.take(np.array(near)))
+            self._look(fitted.spectra, rows.take(near))
             self._behind = np.maximum(2 * (self._top - rows.evidence[near]), 0.0)
 
 
@@ -477,8 +480,7 @@ def _climbed(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     """Refit the nuisances in turn, the last trend's last, with the best noise model."""
     search, found = candidate
-    best = rows.take(np.array([int(np.argmax(rows.evidence))]))
-    lam = expected_powers(beside, best)[0]
+    lam = expected_powers(beside, rows.best())[0]
     # Each nuisance is fitted in turn, with the others held fixed, until none changes.
     turns = 6 if len(found) > 1 else 1
     before: list[float] = []
@@ -565,17 +567,16 @@ def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     if bent or edge < len(spectra.frequency):
         ends.append(((), start.x, len(spectra.frequency)))
     seen = set()
-    for fast, x, edge in ends:
-        for more in ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow):
-            for random_walk in ((), (K,)):
-                slots = tuple(sorted({N, *more, *random_walk, *fast}))
-                if slots in seen:
-                    continue
-                seen.add(slots)
-                begin = x.copy()
-                begin[K] = min(max(x[K], 0.3), 2.0) if has[K] else 0.3
-                if not has[B]:
-                    begin[B] = max(start.x[B], 0.3)
-                if not has[TIME]:
-                    begin[TIME], begin[PROCESS] = spectra.tables.terms[1].last[0] - 2.0, 1.5
-                yield Model(slots, begin, family, edge)
+    for (fast, x, edge), more, random_walk in product(
+            ends, ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow), ((), (K,))):
+        slots = tuple(sorted({N, *more, *random_walk, *fast}))
+        if slots in seen:
+            continue
+        seen.add(slots)
+        begin = x.copy()
+        begin[K] = min(max(x[K], 0.3), 2.0) if has[K] else 0.3
+        if not has[B]:
+            begin[B] = max(start.x[B], 0.3)
+        if not has[TIME]:
+            begin[TIME], begin[PROCESS] = spectra.tables.terms[1].last[0] - 2.0, 1.5
+        yield Model(slots, begin, family, edge)

@@ -15,8 +15,6 @@ from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.multi_axis import AXES_FIRST
 import numpy as np
 
-Keys = Ints
-
 RUN_SHIFT = 40
 """Bits of a place, enough for 30 years at 1 kHz."""
 _PLACE = (1 << RUN_SHIFT) - 1
@@ -27,7 +25,7 @@ _PLACE = (1 << RUN_SHIFT) - 1
 class Cells:
     """Cells in order of time."""
 
-    keys: Keys    # (n,): strictly increasing
+    keys: Ints    # (n,): strictly increasing
     # (axes, n): sum of the samples in each cell
     sums: Array = field(metadata=AXES_FIRST)
     counts: Ints    # (n,): number of samples in each cell
@@ -101,7 +99,7 @@ def coarser(cells: Cells, times: int) -> Cells:
                  np.add.reduceat(cells.counts, starts))
 
 
-def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
+def centres(cells: Cells, size: int) -> tuple[Ints, Array, Array]:
     """
     Return the positions of cells.
 
@@ -110,11 +108,11 @@ def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
     """
     in_a_row = np.asarray(end_to_end(cells.keys), dtype=np.float64)
     places = np.asarray(cells.keys & _PLACE, dtype=np.float64)
-    runs: Keys = np.asarray(cells.keys >> RUN_SHIFT, dtype=np.int64)
+    runs: Ints = np.asarray(cells.keys >> RUN_SHIFT, dtype=np.int64)
     return runs, (places + 0.5) * size, (in_a_row + 0.5) * size
 
 
-def end_to_end(keys: Keys) -> Keys:
+def end_to_end(keys: Ints) -> Ints:
     """Return the places of cells, counted from the first, with runs joined end to end."""
     run, place = keys >> RUN_SHIFT, keys & _PLACE
     step = np.diff(place, prepend=place[:1])

@@ -14,8 +14,6 @@ from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.multi_axis import AXES, MultiAxis, numbers
 import numpy as np
 
-Counts = Ints
-
 _ROUNDING = 1e-12
 """Tolerance for equal values, also about different references: relative, or absolute below 1."""
 BINS_PER_OCTAVE = 8
@@ -36,15 +34,15 @@ class Census(MultiAxis):
     lowest: Array = field(init=False, metadata=numbers(AXES, merge=np.minimum))
     highest: Array = field(init=False, metadata=numbers(AXES, merge=np.maximum))
     # (2, axes): number of samples at the lowest and at the highest value
-    at_ends: Counts = field(init=False, metadata=numbers(2, AXES, dtype=np.int64))
+    at_ends: Ints = field(init=False, metadata=numbers(2, AXES, dtype=np.int64))
     # (axes,): smallest change between consecutive samples, except for a few outliers; infinite
     # if nothing changes
     step: Array = field(init=False, metadata=numbers(AXES, merge=np.minimum))
     # (axes,): number of samples that are zero
-    zeros: Counts = field(init=False, metadata=numbers(AXES, dtype=np.int64))
+    zeros: Ints = field(init=False, metadata=numbers(AXES, dtype=np.int64))
     # (axes, bins): number of samples by magnitude, see `lower_edge`, up to an octave beyond
     # the end of the gap around zero and to a magnitude of 1e7
-    sizes: Counts = field(init=False, metadata=numbers(AXES, 64 * BINS_PER_OCTAVE, dtype=np.int64))
+    sizes: Ints = field(init=False, metadata=numbers(AXES, 64 * BINS_PER_OCTAVE, dtype=np.int64))
 
     def count(self, rows: Array, reference: Array) -> None:
         """
@@ -114,7 +112,7 @@ def _step_of(rows: Array) -> Array:
     return steps
 
 
-def end_of_hole(sizes: Counts) -> int | None:
+def end_of_hole(sizes: Ints) -> int | None:
     """Return the first bin up to which more than `FEWEST` samples were counted, or None."""
     beyond = np.cumsum(sizes) > FEWEST
     return int(np.argmax(beyond)) if beyond[-1] else None

@@ -11,8 +11,8 @@ noise follows from the pattern alone.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_allan.arrays import Array
-from imu_allan.noise.record.cells import Cells, Keys
+from imu_allan.arrays import Array, Ints
+from imu_allan.noise.record.cells import Cells
 import numpy as np
 from scipy.fft import dct
 
@@ -30,7 +30,7 @@ class Gaps:
 NO_GAPS = Gaps()
 
 
-def _gap_lines(places: Keys) -> Iterator[tuple[slice, slice, slice, Array]]:
+def _gap_lines(places: Ints) -> Iterator[tuple[slice, slice, slice, Array]]:
     """Yield each gap, the cells to its left and right, and the share of the right ones in it."""
     for before in np.flatnonzero(np.diff(places) > 1).tolist():
         first, last = int(places[before]) + 1, int(places[before + 1])

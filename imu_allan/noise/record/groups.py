@@ -119,12 +119,6 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
     return replace(known, along=np.stack(along, axis=1), among=among)
 
 
-def stacked(parts: Sequence[Groups]) -> Groups:
-    """Concatenate groups of one record with the same number of regressors."""
-    return Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
-                    for field in fields(Groups) if field.name != 'record'))
-
-
 def padded(parts: Sequence[Groups]) -> list[Groups]:
     """Return groups with as many regressors each: behind the ramp, some have more that are 0."""
     most = max(part.along.shape[1] for part in parts if part.along is not None)
@@ -148,5 +142,8 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     padded with zeros.
     """
     record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
-    every = stacked(padded(parts))
-    return replace(every, record=record).select(np.argsort(every.frequency, kind='stable'))
+    every = padded(parts)
+    joined = replace(Groups(*(
+        np.concatenate([getattr(part, field.name) for part in every])
+        for field in fields(Groups) if field.name != 'record')), record=record)
+    return joined.select(np.argsort(joined.frequency, kind='stable'))

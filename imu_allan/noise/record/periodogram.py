@@ -15,7 +15,7 @@ first few coefficients of adjacent blocks are independent; for flicker, they are
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array
 from imu_allan.noise.record.cells import (
@@ -232,11 +232,6 @@ class Periodogram(MultiAxis):
                                              own.power / own.blocks, gaps=own.gaps))
             border = max(border, lowest / step)
         return found
-
-    def shift_cells(self, values: Array) -> None:
-        """Add values to all samples of the cells of the series; `values`, shape (axes, cells)."""
-        series = self.series
-        self.series = replace(series, sums=series.sums + values * series.counts)
 
 
 def whole_sections(cells: Cells, size: int, top: float) -> list[SpectrumSection]:

@@ -17,7 +17,6 @@ D. C. Hoaglin and R. E. Welsch, Am. Stat. 32 (1978): the leverage h.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import pi
 
 from imu_allan.arrays import Array
@@ -135,12 +134,8 @@ class _Slow:
         if record.trends:
             known.append(self.transformed(record.trends))
         self._known = self._root[:, None] * np.column_stack(known)
-        self.waves = self.transformed([
-            partial(self._about_middle, wave) for order in range(1, harmonics + 1)
-            for wave in cycle(order * frequency_hz)])
-
-    def _about_middle(self, wave: Waveform, time: Array) -> Array:
-        return wave(time - self.middle_s)
+        self.waves = self.transformed([wave for order in range(1, harmonics + 1)
+                                       for wave in cycle(order * frequency_hz, self.middle_s)])
 
     def transformed(self, trends: Sequence[Waveform]) -> Array:
         """Transform trends of the mean; return shape (coefficients, trends)."""

@@ -9,8 +9,9 @@ noise are not used.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from imu_allan.arrays import Array, Bools, Ints
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise import spectrum
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.cells import end_to_end
@@ -21,7 +22,7 @@ import numpy as np
 Waveform = Callable[[Array], Array]
 """Maps times, in seconds from the beginning of the record, to values."""
 
-_MOST = 0.2
+LARGEST_LEAK = 0.2
 """Leakage up to this share of the noise is subtracted; beyond, bins are left out. By judgment."""
 
 
@@ -40,11 +41,6 @@ def leaks(sections: Sequence[SpectrumSection], bins: Bins, dt: float, duration_s
     return np.asarray(-np.minimum(bins.ramp, 0.0) * squares[bins.section])
 
 
-def is_negligible(leak: Array, noise: Array) -> Bools:
-    """Mark the bins whose leakage is small compared with their noise."""
-    return np.asarray(leak < _MOST * noise)
-
-
 def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -> Periodogram:
     """
     Remove a trend from the series and the segments of one axis.
@@ -56,7 +52,8 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
     calm = periodogram.select([axis])
     series, segments = calm.series, calm.segments
     middle = (end_to_end(series.keys) + 0.5) * calm.cell
-    calm.shift_cells(-trend(np.asarray(middle * dt, dtype=np.float64)))
+    moved = trend(np.asarray(middle * dt, dtype=np.float64))
+    calm.series = replace(series, sums=series.sums - moved * series.counts)
     seen = np.cumsum(series.counts)
     seen = seen + (segments.samples - (seen[-1] if len(seen) else 0))
     for number in range(segments.used):
@@ -78,7 +75,7 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
             left = power[place.bands] - leak
-            little = leak < _MOST * left
+            little = leak < LARGEST_LEAK * left
             power[place.bands] = np.where(little, left, 0.0)
             dof[place.bands] = np.where(little, dof[place.bands], 0)
     return calm

@@ -16,7 +16,7 @@ from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.periodogram import SpectrumSection
-from imu_allan.noise.trends.leakage import is_negligible, leaks, Waveform
+from imu_allan.noise.trends.leakage import LARGEST_LEAK, leaks, Waveform
 import numpy as np
 from scipy.fft import dct
 
@@ -90,7 +90,7 @@ class RecordSpectrum:
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
         leak = leaks(self.sections, bins, self.dt, self.duration_s, trend)
-        keep = is_negligible(leak, noise)
+        keep = leak < LARGEST_LEAK * noise
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, coefficient=bins.coefficient[own],

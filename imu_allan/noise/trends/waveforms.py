@@ -23,7 +23,8 @@ def warming(time_constant_s: float) -> Waveform:
     return lambda time: np.exp(-time / time_constant_s)
 
 
-def cycle(frequency_hz: float) -> tuple[Waveform, Waveform]:
-    """Return cosine and sine of a frequency."""
+def cycle(frequency_hz: float, zero_s: float = 0.0) -> tuple[Waveform, Waveform]:
+    """Return cosine and sine of a frequency, of phase zero at a time."""
     omega = 2 * np.pi * frequency_hz
-    return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)
+    return (lambda time: np.cos(omega * (time - zero_s)),
+            lambda time: np.sin(omega * (time - zero_s)))
