@@ -21,7 +21,6 @@ from math import gcd
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise import chi_square
-from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.pyramid import OVERLAP
 from imu_allan.noise.terms import power_law_avar, SPECTRAL_TERMS
@@ -92,22 +91,15 @@ def octaves(estimator: Estimator) -> Octaves:
 
 def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
     """Return number and sums of squares of second differences over `m` cells of the series."""
-    series = estimator.periodogram.series
-    whole = series.counts == estimator.periodogram.cell
-    found, sums = 0, np.zeros(estimator.axes)
-    runs = series.keys >> RUN_SHIFT
-    for run in np.unique(runs):
-        part = series.take(whole & (runs == run))
-        if len(part) < 2 * m:
-            continue
-        phase = np.pad(np.cumsum(part.sums, axis=1), ((0, 0), (1, 0)))
-        # A difference is valid if its 2 m cells are consecutive.
-        keys = part.keys
-        good = keys[2 * m - 1:] - keys[:len(keys) - 2 * m + 1] == 2 * m - 1
-        d = (phase[:, 2 * m:] - 2 * phase[:, m:-m] + phase[:, :-2 * m])[:, good]
-        found += d.shape[1]
-        sums += np.einsum('ij,ij->i', d, d)
-    return found, sums
+    cell, series = estimator.periodogram.cell, estimator.periodogram.series
+    part = series.take(series.counts == cell)
+    if len(part) < 2 * m:
+        return 0, np.zeros(estimator.axes)
+    phase = np.pad(np.cumsum(part.sums, axis=1), ((0, 0), (1, 0)))
+    # A difference is valid if its 2 m cells are consecutive, which those of two runs never are.
+    good = part.keys[2 * m - 1:] - part.keys[:len(part) - 2 * m + 1] == 2 * m - 1
+    d = (phase[:, 2 * m:] - 2 * phase[:, m:-m] + phase[:, :-2 * m])[:, good]
+    return d.shape[1], np.einsum('ij,ij->i', d, d)
 
 
 def joined_octaves(records: Sequence[Octaves]) -> Octaves:

@@ -101,14 +101,14 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
     for without in (_without_found_cycle, _without_found_trends):
-        changed = {number: calm for number, (source, posterior) in enumerate(
-            zip(sources, first, strict=True)) if (calm := without(source, posterior, finished))}
-        again = [number for number, calm in changed.items() if calm.differs_from(sources[number])]
-        for number, posterior in zip(again, _weighed([changed[number] for number in again], dt,
-                                                     bank), strict=True):
+        calm = [without(source, posterior, finished)
+                for source, posterior in zip(sources, first, strict=True)]
+        again = [number for number, source in enumerate(sources)
+                 if calm[number].differs_from(source)]
+        for number, posterior in zip(again, _weighed([calm[number] for number in again], dt, bank),
+                                     strict=True):
             first[number] = posterior
-        for number, calm in changed.items():
-            sources[number] = calm
+        sources = calm
     for axis, source, posterior in zip(axes, sources, first, strict=True):
         found[axis] = _fitted(source, posterior, dt, temperature)
     return found
@@ -227,39 +227,35 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
         if cycle is not None:
             source = replace(source, cycle=cycle).detrended(
                 finished, replace(cycle.record, trends=()))
-        record = source.record
-        lines = vibrations(source.lines, None if cycle is None else cycle.period_s,
-                           record.sections, record.dt)
-        left.append(replace(source, record=without_lines(record, lines_hz(lines))))
+        lines = vibrations(source.lines, cycle.period_s if cycle else None,
+                           source.record.sections, source.record.dt)
+        left.append(replace(source, record=without_lines(source.record, lines_hz(lines))))
     return left
 
 
-def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator
-                         ) -> _Source | None:
+def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:
     """
-    Remove a cycle that was found beside other trends; None if there is none with harmonics.
+    Remove a cycle that was found beside other trends, if it has harmonics.
 
     Without those trends, `_without_cycles` may have missed it, or seen it as one wave.
     """
     found = posterior.models[0].trends
     frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
     if source.cycle is not None or not frequencies_hz:
-        return None
+        return source
     others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
                        source.record.duration_s)
     cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
     if cycle is None or len(cycle.cycle.sizes) <= 2:
-        return None
-    return replace(source, cycle=cycle).detrended(
-        finished, replace(cycle.record, trends=()))
+        return source
+    return replace(source, cycle=cycle).detrended(finished, replace(cycle.record, trends=()))
 
 
-def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator
-                          ) -> _Source | None:
-    """Remove trends, which would pass for changing noise; None if there are none."""
+def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:
+    """Remove trends, which would pass for changing noise."""
     found = fitted_trend(posterior, source.record)
     if found is None:
-        return None
+        return source
     trend, noise = found
     return source.detrended(finished, source.record.without_leak(trend, noise), trend)
 

@@ -108,22 +108,10 @@ def posteriors(groups: Sequence[Groups], dt: float,
     """
     Compute the posteriors over the noise models of several axes.
 
-    Parameters
-    ----------
-    groups : sequence of Groups
-        Grouped spectrum of each axis, all over the same bands.
-    dt : float
-        Sample interval in seconds.
-    records : sequence of RecordSpectrum or None
-        Spectra that the groups were made of, to fit trends of the mean; None to fit none, as for
-        several records joined.
-    bank : Bank, optional
-        Trends to consider, of the same records; otherwise `TRENDS`.
-
-    Returns
-    -------
-    list of Posterior
-
+    `groups`: grouped spectrum of each axis, all over the same bands. `dt`: sample interval in
+    seconds. `records`: that the groups were made of, to fit trends of the mean; None to fit none,
+    as for several records joined. `bank`: trends to consider, of the same records; otherwise
+    `TRENDS`.
     """
     spectra, starts = prepared(groups, dt)
     found = search_models(spectra, starts, dt)

@@ -3,7 +3,8 @@
 """Prepare grouped spectra of several axes for the posterior, in units of detection limits."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.likelihood import (
@@ -34,39 +35,19 @@ _COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERM_SHAPES]
 """Column of the design for each term: its own, or that of the term in `like`."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """
-    Starting point of the fits of one axis.
+class Start(NamedTuple):
+    """Starting point of the fits of one axis."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (SLOTS,)
-        Parameters of a row.
-    white : ndarray, shape (groups,)
-        Smoothed power relative to white noise of unit density.
-
-    """
-
-    x: Array
-    white: Array
+    x: Array    # (SLOTS,): parameters of a row
+    white: Array    # (groups,): smoothed power relative to white noise of unit density
 
 
 def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]:
     """
     Prepare the spectra of several axes over the same bands.
 
-    Parameters
-    ----------
-    groups : sequence of Groups
-        Spectra with the ramp as a regressor, and others where the mean follows a thermometer.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    Spectra, list of Start
-
+    `groups`: spectra with the ramp as a regressor, and others where the mean follows a
+    thermometer. `dt`: sample interval in seconds. Returns: also where the fits of each axis start.
     """
     power, levels, slower = [], [], []
     for one in groups:

@@ -23,22 +23,11 @@ import numpy as np
 def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float
                          ) -> bool:
     """
-    Distinguish a random walk from a single movement of the mean.
+    Return whether the parts agree on the random walk, and it does not rest on one of them alone.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Posterior of the whole record, with a model that contains a random walk.
-    parts : sequence of sequence of Groups
-        Spectra of equal parts of one record, or of parts of several; each has its own mean.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    bool
-        Whether the parts agree on the random walk, and it does not rest on one of them alone.
-
+    `posterior`: of the whole record, with a model that contains a random walk. `parts`: spectra of
+    equal parts of one record, or of parts of several; each has its own mean. `dt`: sample interval
+    in seconds.
     """
     every = [groups for part in parts for groups in part]
     if not all(groups.power.any() for groups in every):

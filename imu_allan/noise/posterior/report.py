@@ -131,21 +131,8 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     """
     Derive the report of one axis from its posterior.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Posterior of one axis.
-    dt : float
-        Sample interval in seconds.
-    temperature : TemperatureSeries, optional
-        Temperature that the trends were made from.
-    record : RecordSpectrum, optional
-        Spectrum to estimate the ramp from, including the uncertainty of other trends.
-
-    Returns
-    -------
-    AxisReport
-
+    `dt`: sample interval in seconds. `temperature`: that the trends were made from. `record`: to
+    estimate the ramp from, including the uncertainty of other trends.
     """
     found = marginals(posterior, dt)
     sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (

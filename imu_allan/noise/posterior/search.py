@@ -68,27 +68,16 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     """
     Fit every model that may matter, for all axes.
 
-    Parameters
-    ----------
-    spectra : Spectra
-        Spectra of all axes.
-    starts : sequence of Start
-        Starting point for each spectrum.
-    dt : float
-        Sample interval in seconds.
-
-    Returns
-    -------
-    Rows
-        At most 16 per axis, the best first.
-
+    `starts`: starting point for each spectrum. Returns: at most 16 rows per axis, the best first.
     """
-    fast = Rows.joined([rows_of(spectra, axis, _fast_ends(spectra, axis, start, dt))
-                        for axis, start in enumerate(starts)])
-    fast = maximise_rows(spectra, fast, hopeless=16.0, on_grid=True)
+    def maximised(models: Sequence[Rows], on_grid: bool = True) -> Rows:
+        return maximise_rows(spectra, Rows.joined(models), hopeless=16.0, on_grid=on_grid)
+
     # Nats below the best at which a fast end, or a slow noise, is dropped.
     kept = 12.0
-    fast = best_of(spectra, fast, kept, 12)
+    fast = best_of(spectra, maximised([
+        rows_of(spectra, axis, _fast_ends(spectra, axis, start, dt))
+        for axis, start in enumerate(starts)]), kept, 12)
     # Output noise after a filter, where the best model has an unexplained top.
     behind = [rows_of(spectra, axis, _filtered(
         spectra, axis, start, dt, (N, B, K, OUTPUT, LOW), {OUTPUT: 0.5 * np.log(
@@ -96,18 +85,15 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
         for axis, start in enumerate(starts)
         if of_axis(fast, axis).edge[0] < len(spectra.frequency)]
     if behind:
-        more = maximise_rows(spectra, Rows.joined(behind), hopeless=16.0, on_grid=True)
-        fast = best_of(spectra, Rows.joined([fast, more]), kept, 12)
+        fast = best_of(spectra, Rows.joined([fast, maximised(behind)]), kept, 12)
     ends = [_ends(of_axis(fast, axis)) for axis in range(len(starts))]
-    slow = Rows.joined([rows_of(spectra, axis, _slow_noises(spectra, start, own))
-                        for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
-    slow = maximise_rows(spectra, slow, hopeless=16.0, on_grid=True)
-    found = best_of(spectra, slow, kept, 8)
+    found = best_of(spectra, maximised([
+        rows_of(spectra, axis, _slow_noises(spectra, start, own))
+        for axis, (start, own) in enumerate(zip(starts, ends, strict=True))]), kept, 8)
     crossed = [_crossed(spectra, of_axis(found, axis), own.take([number]))
                for axis, own in enumerate(ends) for number in range(1, len(own))]
     if crossed:
-        more = maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)
-        found = Rows.joined([found, more])
+        found = Rows.joined([found, maximised(crossed, on_grid=False)])
     return best_of(spectra, found, KEPT, 16)
 
 

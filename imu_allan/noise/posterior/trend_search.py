@@ -351,24 +351,8 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     """
     Fit the models of each axis with every promising trend, then greedily with two and three.
 
-    Parameters
-    ----------
-    spectra : Spectra
-        Spectra of all axes.
-    starts : sequence of Start
-        Starting point of each axis.
-    rows : Rows
-        Models without trends, for each axis the best first.
-    records : sequence of RecordSpectrum or None
-        Spectrum of each axis; None where no trend is to be searched for.
-    bank : Bank
-        Candidate trends.
-
-    Returns
-    -------
-    list of Fitted
-        One for each number of trends.
-
+    `rows`: models without trends, for each axis the best first. `records`: of each axis; None
+    where no trend is to be searched for. Returns: a fit for each number of trends.
     """
     searches = [_Search(axis, of_axis(rows, axis), AxisBank(bank, record))
                 for axis, record in enumerate(records)
