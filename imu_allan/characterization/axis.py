@@ -12,17 +12,11 @@ from imu_allan.arrays import Array
 from imu_allan.characterization.noise_findings import fit_findings, steadiness_findings
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import message_of
+from imu_allan.noise import faults
 from imu_allan.noise.allan_deviation import edf, interval, Octaves, octaves
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.faults import (
-    axis_fault,
-    Clipped,
-    Constant,
-    sample_noise,
-    StoodStill,
-)
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.estimates import Estimate
@@ -148,17 +142,17 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
               ) -> tuple[AxisResult, list[Finding]]:
     """Return an axis that could not be fitted, with its fault and the finding about it."""
     base = replace(base, curve=_curve(points, axis, dt, {}))
-    match axis_fault(finished, finished.periodogram.sections(), axis):
-        case Constant(value):
+    match faults.axis_fault(finished, finished.periodogram.sections(), axis):
+        case faults.Constant(value):
             return base, [finding('constant_axis', value=value, unit=base.unit)]
         case Deadband(width, share) as deadband:
             return replace(base, deadband=deadband), [
                 finding('deadband', share=share, width=width, unit=base.unit)]
-        case StoodStill(first, samples):
+        case faults.StoodStill(first, samples):
             span = Span(first * dt, samples * dt)
             return replace(base, stood_still=span), [
                 finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)]
-        case Clipped(value, share, is_highest):
+        case faults.Clipped(value, share, is_highest):
             return replace(base, saturated=Saturation(value, share)), [
                 finding('saturated', share=share, value=value, unit=base.unit,
                         end='highest' if is_highest else 'lowest')]
@@ -169,7 +163,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
             dt: float) -> tuple[AxisResult, list[Finding]]:
     """Return an axis with all that was fitted, and the findings worth reporting."""
     fitted = found.fit
-    step, noise = float(finished.census.step[axis]), float(sample_noise(finished)[axis])
+    step, noise = float(finished.census.step[axis]), float(faults.sample_noise(finished)[axis])
     coarse = 0 < noise < step < np.inf
     if coarse:
         # Isolated quantization steps leave little power below their rate, like a high-pass filter.

@@ -30,14 +30,7 @@ from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
-from imu_allan.result import (
-    AxisResult,
-    RecordingPart,
-    Result,
-    Timeline,
-    Total,
-    TurnOnBias,
-)
+from imu_allan.result import AxisResult, RecordingPart, Result, Timeline, Total, TurnOnBias
 from imu_allan.wording import spoken
 import numpy as np
 

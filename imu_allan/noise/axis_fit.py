@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from imu_allan.noise import stationarity
 from imu_allan.noise.faults import axis_fault
 from imu_allan.noise.posterior.estimates import expected, fitted_trend
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
@@ -19,13 +20,6 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.part_of_record import Part
 from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
-from imu_allan.noise.stationarity import (
-    segment_powers,
-    SegmentPowers,
-    Steadiness,
-    steadiness,
-    white_ratio,
-)
 from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends.leakage import detrended, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -47,8 +41,8 @@ class AxisFit:
     groups: Groups    # the fitted spectrum, without the lines
     whole: Groups    # the spectrum with the lines
     # Comparison of the segments; None if the record is too short to be split
-    steadiness: Steadiness | None = None
-    segments: SegmentPowers | None = None    # of all axes
+    steadiness: stationarity.Steadiness | None = None
+    segments: stationarity.SegmentPowers | None = None    # of all axes
     # The record with the trends of its mean; None for a joint fit of several records
     record: RecordSpectrum | None = None
     # Returns the spectra of quarters of the record; an empty list if they are too short
@@ -146,8 +140,8 @@ class _Source:
     groups: Groups
     record: RecordSpectrum
     lines: list[Tone]
-    steady: Steadiness | None
-    segments: SegmentPowers | None
+    steady: stationarity.Steadiness | None
+    segments: stationarity.SegmentPowers | None
     # Index of this axis in the segments and the quarters
     own: int
     quarters: list[Part]
@@ -186,11 +180,11 @@ class _Source:
         parts = trends if self.cycle is None else (*trends, self.cycle.cycle.trend)
         calm = detrended(finished.periodogram, self.axis, record.dt,
                          lambda time: np.sum([part(time) for part in parts], axis=0))
-        segments = segment_powers(calm)
+        segments = stationarity.segment_powers(calm)
         return replace(
             self, record=record, quarters=_quarters(calm, record.dt, finished), own=0,
-            steady=steadiness(segments, 0, record.dt, lines_hz(self.lines)) if segments
-            else self.steady)
+            steady=stationarity.steadiness(segments, 0, record.dt, lines_hz(self.lines))
+            if segments else self.steady)
 
 
 def lines_hz(lines: Sequence[Tone]) -> list[float]:
@@ -202,14 +196,14 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
              ) -> list[_Source]:
     """Prepare every axis: exclude its lines, and compare the segments of the record."""
     bins = bins_of(sections, dt, finished.interpolated_share)
-    segments = segment_powers(finished.periodogram)
+    segments = stationarity.segment_powers(finished.periodogram)
     quarters = _quarters(finished.periodogram, dt, finished)
     found = []
     for axis in axes:
         whole = grouped(bins, axis)
         lines, keep = find_lines(sections, bins, axis, dt, whole)
         record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
-        steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
+        steady = stationarity.steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
         groups = whole if keep.all() else replace(record, aligned=False).groups()
         found.append(_Source(axis, whole, groups, record, lines, steady, segments, axis, quarters))
     return found
@@ -269,8 +263,8 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
     frequency, at = source.segments.frequency / dt, np.log(best.spectra.frequency)
     share = np.exp(np.interp(np.log(frequency), at, np.log(np.maximum(white, 1e-300) / lam)))
     top = best.spectra.frequency[:posterior.edge][-1]
-    ratio = white_ratio(source.segments, source.axis, 1.0, 1 / share,
-                        (frequency <= top) & source.segments.passed(source.axis, white.max()))
+    below = (frequency <= top) & source.segments.passed(source.axis, white.max())
+    ratio = stationarity.white_ratio(source.segments, source.axis, 1.0, 1 / share, below)
     if ratio is None or not ratio[0].all():
         return STEADY
     return change_of(2 * np.log(ratio[0]), 2 * ratio[1])

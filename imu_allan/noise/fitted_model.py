@@ -6,22 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array
-from imu_allan.noise import spectrum
-from imu_allan.noise.terms import (
-    allan_variance,
-    filtered_share,
-    gauss_markov_avar,
-    LASTING_TERMS,
-    line_avar,
-    power_law_avar,
-    SPECTRAL_TERMS,
-    TERMS,
-)
+from imu_allan.noise import spectrum, terms
 from imu_allan.result import AxisResult, GaussMarkov, PowerLaw, Tone
 import numpy as np
 from numpy.typing import ArrayLike
 
-_SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(SPECTRAL_TERMS, (
+_SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = dict(zip(terms.SPECTRAL_TERMS, (
     spectrum.quantization, spectrum.white, spectrum.flicker, spectrum.random_walk), strict=True))
 
 
@@ -73,15 +63,15 @@ class FittedModel:
         total = values.pop('noise_density', 0.0)**2 / tau
         if self.passed is not None and size.size:
             frequency_hz, share = self.passed
-            total = total * filtered_share(size, np.asarray(frequency_hz) * dt, share)
+            total = total * terms.filtered_share(size, np.asarray(frequency_hz) * dt, share)
         for process in self.processes:
-            total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
+            total = total + terms.gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
         for line in self.lines:
-            total = total + line_avar(line.frequency_hz, line.amplitude, tau)
+            total = total + terms.line_avar(line.frequency_hz, line.amplitude, tau)
         if self.power_law is not None:
-            total = total + power_law_avar(
+            total = total + terms.power_law_avar(
                 self.power_law.amplitude, self.power_law.exponent, tau)
-        return np.asarray(total + allan_variance(values, tau))
+        return np.asarray(total + terms.allan_variance(values, tau))
 
     def density(self, frequency_hz: ArrayLike, dt: float) -> Array:
         """
@@ -127,12 +117,12 @@ def reported_model(axis: AxisResult) -> FittedModel:
 def hidden_avar(axis: AxisResult, tau: Array) -> Array:
     """Return the largest Allan variance among the terms that are reported as bounds only."""
     hidden = np.zeros(len(tau))
-    for key in LASTING_TERMS:
+    for key in terms.LASTING_TERMS:
         found = axis.coefficients.get(key)
         # Noise of another exponent replaces flicker, so the bound of flicker does not apply.
         replaced = key == 'bias_instability' and axis.power_law is not None
         if found is not None and found.upper95 is not None and not replaced:
-            hidden = np.maximum(hidden, TERMS[key].adev(found.upper95, tau)**2)
+            hidden = np.maximum(hidden, terms.TERMS[key].adev(found.upper95, tau)**2)
     return hidden
 
 

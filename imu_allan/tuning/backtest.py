@@ -20,15 +20,7 @@ from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.gaps import filled
 from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.record.periodogram import whole_section
-from imu_allan.result import (
-    AxisResult,
-    Backtest,
-    Coast,
-    DriftModel,
-    Innovations,
-    Interval,
-    Tone,
-)
+from imu_allan.result import AxisResult, Backtest, Coast, DriftModel, Innovations, Interval, Tone
 from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.uncertainty import coast_bands

@@ -13,16 +13,8 @@ E. Kass and A. E. Raftery, JASA 90 (1995): Laplace's method.
 from dataclasses import replace
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.posterior.likelihood import (
-    AMPLITUDES,
-    losses,
-    LOW,
-    NUISANCES,
-    out_of_range,
-    Rows,
-    SLOTS,
-    Spectra,
-)
+from imu_allan.noise.posterior import likelihood
+from imu_allan.noise.posterior.likelihood import AMPLITUDES, LOW, NUISANCES, Rows, SLOTS, Spectra
 import numpy as np
 
 _LONGEST = np.full(SLOTS, 0.5)
@@ -46,7 +38,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
     rows = replace(rows, hessian=np.empty((count, 0)))
     kind = _kinds(rows)
     x = rows.x.copy()
-    loss, gradient, information = losses(spectra, rows, x)
+    loss, gradient, information = likelihood.losses(spectra, rows, x)
     damping, live = np.full(count, 1e-3), np.arange(count)
     other = np.ones(count, dtype=bool)
     # The corner of a high-pass needs that many; what creeps on approaches the end of a range.
@@ -63,7 +55,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
         move /= np.maximum(1, np.max(np.abs(move) / _LONGEST, axis=1))[:, None]
         there = x[live] + move
         some = rows.take(live)
-        new, slope, bend = losses(spectra, some, there)
+        new, slope, bend = likelihood.losses(spectra, some, there)
         good = new <= loss[live] + 1e-9
         gained = np.where(good, loss[live] - new, np.inf)
         better = live[good]
@@ -76,7 +68,7 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
             other &= _leading(kind, x[:, NUISANCES] * own, loss, gradient[:, NUISANCES] * own)
         going = other[live]
         if not held:
-            going &= (gained > tolerance) & (damping[live] < 1e6) & ~out_of_range(
+            going &= (gained > tolerance) & (damping[live] < 1e6) & ~likelihood.out_of_range(
                 spectra, some, x[live], gradient[live])
         if step >= 1 and np.isfinite(hopeless):
             score = rows.prior - loss

@@ -20,22 +20,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.posterior import thresholds_and_priors as priors
+from imu_allan.noise.posterior import shapes, thresholds_and_priors as priors
 from imu_allan.noise.posterior.regression import mean, regressors, residual_power
-from imu_allan.noise.posterior.shapes import (
-    cubic,
-    FREE_SHAPES,
-    HIGH_PASSES,
-    LOW_PASSES,
-    Table,
-    Tables,
-    TERM_SHAPES,
-)
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 from scipy.special import digamma
 
-PLAIN = len(TERM_SHAPES)
+PLAIN = len(shapes.TERM_SHAPES)
 # White noise is in every model, even if it is too weak to be detected.
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME, LOW, HIGH = range(PLAIN, PLAIN + 6)
@@ -44,10 +35,10 @@ SLOTS = HIGH + 1
 of the low-pass and of the high-pass."""
 AMPLITUDES = np.array([*range(PLAIN), LAW, PROCESS])
 NUISANCES = np.array([ALPHA, TIME, LOW, HIGH])
-AT_OUTPUT = np.array([shape.at_output for shape in TERM_SHAPES])
+AT_OUTPUT = np.array([shape.at_output for shape in shapes.TERM_SHAPES])
 SLOWER = np.array([K, SMOOTH, PROCESS])
 """Slots of noise slower than flicker: random walk, smooth drift, Gauss-Markov process."""
-GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index('exponential_average')
+GENTLE_FAMILY = [shape.key for shape in shapes.LOW_PASSES].index('exponential_average')
 _WALL = 0.05
 """Standard deviation of the penalty on a nuisance beyond an end of its range."""
 _COSTLY = np.array([*np.flatnonzero(AT_OUTPUT), *NUISANCES])
@@ -96,11 +87,11 @@ class Spectra:
     unit: Array
     like: Array
     sizes: tuple[Array, ...]
-    free: tuple[Table, ...]
+    free: tuple[shapes.Table, ...]
     gentle: Array
     products: Array
     records: int
-    tables: Tables
+    tables: shapes.Tables
     unexplained: Array
 
     @property
@@ -257,14 +248,14 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     for k, table in enumerate(spectra.free):
         slot = PLAIN + 2 * k
         if slot in place:
-            value, slope = cubic(table.rows, *table.place(rows.of, x[:, slot + 1]), slopes)
+            value, slope = shapes.cubic(table.rows, *table.place(rows.of, x[:, slot + 1]), slopes)
             value = np.exp(np.minimum(2 * x[:, slot, None], 120.0) + value)
             value *= has[:, slot, None]
             body += value
             if slopes:
                 np.multiply(value, 2, out=jacobian[place[slot]])
                 np.multiply(value, slope, out=jacobian[place[slot + 1]])
-    bends = [(slot, *cubic(table.rows, *table.place(family, x[:, slot]), slopes))
+    bends = [(slot, *shapes.cubic(table.rows, *table.place(family, x[:, slot]), slopes))
              for slot, table, family in (
                  (LOW, spectra.tables.low_pass, rows.family),
                  (HIGH, spectra.tables.high_pass, np.zeros_like(rows.family))) if slot in place]
@@ -401,7 +392,7 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Boo
 def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     """Return the log prior of the shapes of rows, their edges and the density of nuisances."""
     has, groups = rows.has, len(spectra.frequency)
-    total = has[:, :PLAIN] @ np.log([shape.prior for shape in TERM_SHAPES])
+    total = has[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
     # Neither flicker nor slow noise with another exponent.
     alone = ~has[:, [B, LAW]].any(axis=1)
     total += np.log(priors.WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
@@ -410,9 +401,10 @@ def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     gentle = rows.family == GENTLE_FAMILY
     width[gentle, 2] = (spectra.gentle[rows.of] - first[:, 2])[gentle]
     width[:, 0] = 1.0    # The exponent has a normal prior instead of a uniform one.
-    odds = np.array([FREE_SHAPES[0].prior * priors.EXPONENT_ODDS, FREE_SHAPES[1].prior, 1.0,
-                     HIGH_PASSES[0].prior]) / np.maximum(width, 0.5)
-    odds[:, 2] *= np.array([shape.prior for shape in LOW_PASSES])[rows.family]
+    law, process = (shape.prior for shape in shapes.FREE_SHAPES)
+    odds = np.array([law * priors.EXPONENT_ODDS, process, 1.0, shapes.HIGH_PASSES[0].prior]
+                    ) / np.maximum(width, 0.5)
+    odds[:, 2] *= np.array([shape.prior for shape in shapes.LOW_PASSES])[rows.family]
     total += (has[:, NUISANCES] * np.log(odds)).sum(axis=1)
     half = -half_octaves(spectra.frequency)[np.minimum(rows.edge, groups - 1)]
     return np.asarray(total + (rows.edge < groups) * (priors.TOP + priors.PER_HALF_OCTAVE * half))

@@ -15,31 +15,17 @@ from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
+from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.draws import Draws, sample
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.level_change import Change, STEADY
-from imu_allan.noise.posterior.likelihood import (
-    fitted_mean,
-    half_octaves,
-    log_prior,
-    LOW,
-    Rows,
-    Spectra,
-    spectrum,
-)
+from imu_allan.noise.posterior.likelihood import LOW, Rows, Spectra
 from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import best_of, fast_ends, KEPT, search_models
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
-from imu_allan.noise.posterior.trend_search import (
-    Bank,
-    fit_trends,
-    Fitted,
-    Found,
-    TRENDS,
-    waveforms,
-)
+from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found, waveforms
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -118,7 +104,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
     axes = range(len(starts))
     fitted = Fitted(spectra, found, np.array(axes), [()] * len(axes), groups)
     if bank is None and (some := next(filter(None, records), None)) is not None:
-        bank = Bank(some, TRENDS)
+        bank = Bank(some)
     if bank is not None and (more := fit_trends(spectra, starts, found, records, bank)):
         fitted = fitted.joined(more)
     judged = [_judged(fitted.spectra, fitted.rows.take(fitted.axis == axis).best())
@@ -135,11 +121,11 @@ def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Arra
     Returns: probability, largest misfit and edge, as in `Posterior`. Also divisors for the degrees
     of freedom of groups, from misfit and model uncertainty.
     """
-    lam, weight, size, covariance = fitted_mean(spectra, row, row.x)
+    lam, weight, size, covariance = likelihood.fitted_mean(spectra, row, row.x)
     dof = (weight * lam)[0]
     ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
                            covariance)[0] / lam[0]
-    _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
+    _, octave = np.unique(likelihood.half_octaves(spectra.frequency), return_inverse=True)
     count: Array = np.bincount(octave, dof).astype(np.float64)
     seen = count > 0.5
     level = np.where(seen, np.bincount(octave, dof * ratio) / np.maximum(count, 1e-9), 1.0)
@@ -164,10 +150,10 @@ def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Arra
     if removed.any():
         by_octave = np.zeros((len(count), len(dof)))
         by_octave[octave, np.arange(len(dof))] = dof / count[octave]
-        _, slopes, used = spectrum(spectra, row, row.x)
+        _, slopes, used = likelihood.spectrum(spectra, row, row.x)
         error = _shape_error(normal * np.sqrt(2 / count), count / 2, by_octave @ removed,
                              by_octave @ (slopes[:, 0] / lam[0]).T,
-                             log_prior(spectra, row, row.x)[2][0, used])
+                             likelihood.log_prior(spectra, row, row.x)[2][0, used])
         whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
         factor *= 1 + whole * (error * removed)**2 / 2
     return p_value, float(max(misfit.max(), 0.0)), edge, factor

@@ -7,25 +7,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from imu_allan.arrays import Array
-from imu_allan.noise.posterior.likelihood import (
-    ALPHA,
-    AMPLITUDES,
-    AT_OUTPUT,
-    N,
-    PLAIN,
-    SLOTS,
-    Spectra,
-    unexplained_losses,
-)
+from imu_allan.noise.posterior import likelihood
+from imu_allan.noise.posterior.likelihood import ALPHA, AMPLITUDES, AT_OUTPUT, N, PLAIN, Spectra
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean, regressors
-from imu_allan.noise.posterior.shapes import (
-    FEWEST_GROUPS,
-    FREE_SHAPES,
-    Table,
-    tables,
-    TERM_SHAPES,
-)
+from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, FREE_SHAPES, Table, tables, TERM_SHAPES
 from imu_allan.noise.posterior.thresholds_and_priors import LEAK_KNOWN
 from imu_allan.noise.record.groups import Groups
 import numpy as np
@@ -90,7 +76,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
         np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, N], information, whole),
         regressors(groups), groups[0].records, table,
-        unexplained_losses(groups[0].frequency, dof, np.stack(power)))
+        likelihood.unexplained_losses(groups[0].frequency, dof, np.stack(power)))
     return spectra, [_start(*each) for each in zip(groups, unit, level, slower, strict=True)]
 
 
@@ -165,7 +151,7 @@ def of_slower_half(groups: Groups) -> Array:
 
 def _start(groups: Groups, unit: Array, level: Array, slower: Array) -> Start:
     """Start from the fit of the terms to the slower half of the groups."""
-    x = np.zeros(SLOTS)
+    x = np.zeros(likelihood.SLOTS)
     white = level / groups.design[:, N]
     theta = slower[_COLUMNS]
     theta[N] = max(theta[N], float(np.quantile(white, 0.05)))

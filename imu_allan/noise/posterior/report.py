@@ -12,19 +12,8 @@ from dataclasses import dataclass, field, replace
 
 from imu_allan.arrays import Array
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.posterior import thresholds_and_priors as thresholds
-from imu_allan.noise.posterior.estimates import (
-    bends,
-    drifts,
-    Estimate,
-    marginals,
-    passed_by,
-    ramp_of,
-    reported_trends,
-    ReportedTrend,
-    weight_of,
-    window_of,
-)
+from imu_allan.noise.posterior import estimates, thresholds_and_priors as thresholds
+from imu_allan.noise.posterior.estimates import Estimate, ReportedTrend
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
@@ -134,14 +123,14 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     `dt`: sample interval in seconds. `temperature`: that the trends were made from. `record`: to
     estimate the ramp from, including the uncertainty of other trends.
     """
-    found = marginals(posterior, dt)
+    found = estimates.marginals(posterior, dt)
     sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (
         'sigma', 'correlation_time', 'exponent', 'amplitude', 'corner'))
-    ramp = ramp_of(posterior, record)
+    ramp = estimates.ramp_of(posterior, record)
     found['rate_ramp'] = ramp
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
-    moving = reported_trends(posterior, record)
+    moving = estimates.reported_trends(posterior, record)
     if sum(one.kind.key == 'bias_step' for one in moving) > 1:
         # Two steps may as well be a bump or something else.
         moving = tuple(one for one in moving if one.kind.key != 'bias_step')
@@ -149,15 +138,17 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge
     edge_hz = None if edge is None else float(posterior.models[0].spectra.frequency[edge - 1])
-    low_pass = edge is not None or weight_of(posterior, bends) > thresholds.OBSERVABLE
+    bent, drifting = (estimates.weight_of(posterior, which)
+                      for which in (estimates.bends, estimates.drifts))
+    low_pass = edge is not None or bent > thresholds.OBSERVABLE
     by_kind = {one.kind.key: one for one in moving}
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
     return AxisReport(
         found, posterior.p_value, posterior.misfit,
-        window_of(posterior, dt) if low_pass else None,
-        passed_by(posterior) if low_pass else None, edge_hz,
+        estimates.window_of(posterior, dt) if low_pass else None,
+        estimates.passed_by(posterior) if low_pass else None, edge_hz,
         corner.value if corner.observable else None,
         gauss_markov=GaussMarkov(
             sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
@@ -166,7 +157,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             exponent.value, (exponent.low, exponent.high),
             amplitude.value**2 / (2 * np.pi)**exponent.value)
         if exponent.observable else None,
-        random_walk_unclear=not identified and weight_of(posterior, drifts) > thresholds.REPORTED,
+        random_walk_unclear=not identified and drifting > thresholds.REPORTED,
         trend=Trend(
             Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
             warm[0] if warm else None,

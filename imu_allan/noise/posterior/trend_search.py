@@ -15,19 +15,9 @@ from functools import cached_property
 from itertools import product
 
 from imu_allan.arrays import Array, Ints
+from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.evidence import maximise_rows
-from imu_allan.noise.posterior.likelihood import (
-    B,
-    batches,
-    fitted_mean,
-    K,
-    N,
-    PROCESS,
-    Rows,
-    Spectra,
-    spectrum,
-    TIME,
-)
+from imu_allan.noise.posterior.likelihood import B, K, N, PROCESS, Rows, Spectra, TIME
 from imu_allan.noise.posterior.prepared_spectra import Start
 from imu_allan.noise.posterior.search import FAST, Model, of_axis, rows_of
 from imu_allan.noise.record.groups import Groups
@@ -190,7 +180,7 @@ class Fitted:
 class Bank:
     """Transforms of all candidate trends at the slowest coefficients, shared by all axes."""
 
-    def __init__(self, record: RecordSpectrum, kinds: Sequence[TrendKind]) -> None:
+    def __init__(self, record: RecordSpectrum, kinds: Sequence[TrendKind] = TRENDS) -> None:
         self.kinds, self.duration_s = kinds, record.duration_s
         self._record = record
 
@@ -446,7 +436,8 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
     occam = np.empty(len(rows))
     for number, (_, found) in enumerate(candidates):
         own = of_axis(rows, number)
-        occam[rows.of == number] = _occam(fitted_mean(beside, own, own.x)[2][:, 0], found)
+        sizes = likelihood.fitted_mean(beside, own, own.x)[2][:, 0]
+        occam[rows.of == number] = _occam(sizes, found)
     return Fitted(beside, replace(rows, evidence=rows.evidence + occam, prior=rows.prior + occam),
                   np.array([search.axis for search, _ in candidates]),
                   [found for _, found in candidates], groups)
@@ -500,9 +491,9 @@ def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found],
 def expected_powers(spectra: Spectra, rows: Rows) -> Array:
     """Return the expected power of rows of any structure, shape (rows, groups)."""
     found = np.empty((len(rows), len(spectra.frequency)))
-    for part in batches(rows):
+    for part in likelihood.batches(rows):
         some = rows.take(part)
-        found[part] = spectrum(spectra, some, some.x, slopes=False)[0]
+        found[part] = likelihood.spectrum(spectra, some, some.x, slopes=False)[0]
     return found
 
 

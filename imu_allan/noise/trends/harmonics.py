@@ -86,7 +86,7 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
     return replace(cycle, sizes=sizes[:-1:2] - 1j * sizes[1:-1:2], leverage=leverage)
 
 
-def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
+def present(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
     """Return twice the order of the last significant harmonic, at most `most`."""
     there = ratios(record, variance, frequency_hz, most) >= SIGNIFICANT
     # The next harmonics are not significant alone, but together pass for a Gauss-Markov process.

@@ -18,14 +18,7 @@ from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, RANDOM_WALK
-from imu_allan.noise.trends.harmonics import (
-    Cycle,
-    harmonics_of,
-    ratios,
-    refined,
-    SIGNIFICANT,
-    without,
-)
+from imu_allan.noise.trends import harmonics
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 
@@ -39,7 +32,7 @@ _MOST_CYCLES = 32.0
 class SlowCycle:
     """Cycle of the mean, and the record without it."""
 
-    cycle: Cycle
+    cycle: harmonics.Cycle
     record: RecordSpectrum
 
     @property
@@ -74,12 +67,13 @@ def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
         return None
     # Fit the frequency first with one harmonic, then with four.
     for few in (1, 4):
-        frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
+        frequency_hz = harmonics.refined(record, variance, frequency_hz, few).frequency_hz
     # A strict significance level, because many frequencies are tried.
     certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
-    comb = refined(record, variance, frequency_hz, _COMB)
-    left = _expected(whole.bins, of_slower_half(without(record, comb, variance).groups()))
+    comb = harmonics.refined(record, variance, frequency_hz, _COMB)
+    rest = harmonics.without(record, comb, variance)
+    left = _expected(whole.bins, of_slower_half(rest.groups()))
     if _chance(record, left, comb.frequency_hz) >= certain:
         return None
     found = _taken_out(whole, variance, frequency_hz)
@@ -96,9 +90,9 @@ def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> Slow
     if record.duration_s == 0 or not frequencies_hz:
         return None
     variance = _expected(record.bins, of_slower_half(record.groups()))
-    ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
+    ratio, frequency_hz = max((float(harmonics.ratios(record, variance, hz, 1)[0]), hz)
                               for hz in frequencies_hz)
-    return _taken_out(record, variance, frequency_hz) if ratio > SIGNIFICANT else None
+    return _taken_out(record, variance, frequency_hz) if ratio > harmonics.SIGNIFICANT else None
 
 
 def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSpectrum:
@@ -107,7 +101,8 @@ def without_lines(record: RecordSpectrum, lines_hz: Sequence[float]) -> RecordSp
     if slow:
         variance = _expected(record.bins, of_slower_half(record.groups()))
         for hz in slow:
-            record = without(record, refined(record, variance, hz, 1), variance)
+            line = harmonics.refined(record, variance, hz, 1)
+            record = harmonics.without(record, line, variance)
     return record
 
 
@@ -164,7 +159,7 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
 
 def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> float:
     """Return the p-value of the harmonics of a frequency in given noise."""
-    ratio = float(ratios(record, variance, frequency_hz, _COMB).sum())
+    ratio = float(harmonics.ratios(record, variance, frequency_hz, _COMB).sum())
     return float(chi_square.survival(ratio, 2 * _COMB))
 
 
@@ -173,12 +168,12 @@ def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> 
     # First remove all possible harmonics; only then can the significant ones be identified. If all
     # of 32 show, there are more: a jagged cycle of 100 times B has.
     for most in (32, 96):
-        every = refined(record, variance, frequency_hz, most)
-        calm = without(record, every, variance)
+        every = harmonics.refined(record, variance, frequency_hz, most)
+        calm = harmonics.without(record, every, variance)
         frequency_hz = every.frequency_hz
         variance = _expected(record.bins, of_slower_half(calm.groups()))
-        there = harmonics_of(record, variance, frequency_hz, most)
+        there = harmonics.present(record, variance, frequency_hz, most)
         if there < most:
             break
-    found = refined(record, variance, frequency_hz, there)
-    return SlowCycle(found, without(record, found, variance))
+    found = harmonics.refined(record, variance, frequency_hz, there)
+    return SlowCycle(found, harmonics.without(record, found, variance))
