@@ -178,10 +178,10 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
         own = [part for part in parts if mean_is_known(part.result.axes[name])]
         if len(own) > 1 and mean_is_known(axis) and any(axis.curve.adev):
             # The joint coefficients give the best error of a mean over a recording.
-            spread[name] = turn_on_bias(
-                [part.result.axes[name].mean or 0.0 for part in own], axis,
-                [part.record.group_of(name).estimator.samples / part.record.rate_hz
-                 for part in own])
+            spread[name] = turn_on_bias([(
+                part.result.axes[name].mean or 0.0,
+                part.record.group_of(name).estimator.samples / part.record.rate_hz)
+                for part in own], axis)
     return spread
 
 

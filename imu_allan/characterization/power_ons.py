@@ -47,31 +47,29 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     `ended`: states after the power-ons before the latest, in order. `axes`: fits to all samples.
     `record`: all samples.
     """
-    found: dict[str, TurnOnBias] = {}
+    marks, found = (*ended, mark_of(record)), {}
     for name, axis in axes.items():
         # The mean of less than ten seconds at rest is mostly noise.
-        means = [(mean, samples / record.rate_hz) for mean, samples
-                 in _of_each(name, (*ended, mark_of(record)))
+        means = [(mean, samples / record.rate_hz) for mean, samples in _of_each(name, marks)
                  if samples >= 10.0 * record.rate_hz]
         if len(means) > 1 and mean_is_known(axis):
-            found[name] = turn_on_bias(
-                [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])
+            found[name] = turn_on_bias(means, axis)
     return found
 
 
-def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[float]
-                 ) -> TurnOnBias:
+def turn_on_bias(means: Sequence[tuple[float, float]], axis: AxisResult) -> TurnOnBias:
     """
     Return the spread of means from one power-on to the next.
 
-    `means`: at least two. `axis`: the axis of these means, whose coefficients give the error of a
-    mean over a record. `lengths_s`: duration of the record behind each mean. Returns: the scatter
+    `means`: at least two, each with the duration of its record in seconds. `axis`: the axis of
+    these means, whose coefficients give the error of a mean over a record. Returns: the scatter
     that measurement error does not explain; the lower end of the interval also allows for
     unobservable terms.
     """
+    values, lengths_s = zip(*means, strict=True)
     found, careful = (
-        random_effects(means, [error_of_mean(axis, length, at_most=at_most)
-                               for length in lengths_s]) for at_most in (False, True))
+        random_effects(values, [error_of_mean(axis, length_s, at_most=at_most)
+                                for length_s in lengths_s]) for at_most in (False, True))
     low, high = found.between_ci95
     return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
 

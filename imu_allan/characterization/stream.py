@@ -275,10 +275,9 @@ class Characterization:
             unknown = (finding('unknown_rate'),) if twin._memory.groups else ()
             return replace(result, warnings=(*result.warnings, *unknown)), {}
         axes, found, fits = _fitted_axes(record)
-        marks = self._memory.power_ons
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
-            turn_on_bias=spread_of_means(marks, axes, record) if marks else {},
+            turn_on_bias=spread_of_means(self._memory.power_ons, axes, record),
             temperature=shown(record.groups[0].heat)), fits
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
