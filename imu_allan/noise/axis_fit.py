@@ -126,7 +126,8 @@ def _fitted(source: '_Source', posterior: Posterior, dt: float,
     if source.cycle is not None:
         report = replace(report, trend=replace(report.trend, cycle_s=source.cycle.period_s))
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
-    beside = source.record.with_trends(posterior.trends(source.record.duration_s))
+    beside = source.record.with_trends(
+        waveforms(posterior.models[0].trends, source.record.duration_s))
     return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
                    beside, source.parts, change)
 
@@ -263,7 +264,8 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
     frequency, at = source.segments.frequency / dt, np.log(best.spectra.frequency)
     share = np.exp(np.interp(np.log(frequency), at, np.log(np.maximum(white, 1e-300) / lam)))
     top = best.spectra.frequency[:posterior.edge][-1]
-    below = (frequency <= top) & source.segments.passed(source.axis, white.max())
+    # Drift leaks into the bands with less than half of the white noise.
+    below = (frequency <= top) & (source.segments.level(source.axis) > white.max() / 2)
     ratio = stationarity.white_ratio(source.segments, source.axis, 1.0, 1 / share, below)
     if ratio is None or not ratio[0].all():
         return STEADY

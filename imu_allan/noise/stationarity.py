@@ -52,10 +52,6 @@ class SegmentPowers:
         """Return the power of an axis by band, averaged over segments."""
         return np.average(self.power[axis], axis=0, weights=np.maximum(self.dof, 1e-9))
 
-    def passed(self, axis: int, white: float) -> Bools:
-        """Mark the bands with at least half of the white noise; drift leaks into the others."""
-        return np.asarray(self.level(axis) > white / 2)
-
 
 @dataclass(frozen=True)
 class Change:

@@ -16,7 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.record.bins import Bins
-from imu_allan.noise.record.groups import about_ramp, Groups
+from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS
 from imu_allan.noise.record.periodogram import longest_blocks, SpectrumSection
 from imu_allan.result import Tone
 import numpy as np
@@ -38,9 +38,13 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     strongest first, and a mask of the bins, False for those of a line or its side lobes.
     """
     theta = maximise(groups, detrend=True).theta
-    ramp = about_mean(groups)(groups.design @ theta).ramp
+    slope = float(about_mean(groups)(groups.design @ theta).ramp)
     expected = np.maximum(bins.design @ theta, 1e-300)
-    power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, float(ramp))
+    # Without the ramp. For signed coefficients this is exact. For blocks only the mean power of
+    # the ramp is known, and their power may be smaller by chance.
+    power, cross = bins.power[axis], bins.coefficient[axis] * bins.of_ramp
+    power = np.maximum(power - 2 * slope * cross + slope**2 * bins.ramp,
+                       np.where(bins.ramp > 0, 1e-12, LEAST_OF_BLOCKS) * power)
     # Leave out bins where side lobes exceed this share of the noise floor. With the first, 80
     # lines of three times N would take half of a spectrum.
     for leak in (0.02, 0.3, 4.0):

@@ -58,6 +58,8 @@ _UNITS: dict[str, _Size] = {
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
+_SPELLINGS = str.maketrans(
+    {'°': 'deg', 'µ': 'u', 'μ': 'u', '·': '*', '²': '^2', '³': '^3', '√': 'sqrt'})
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
@@ -133,11 +135,7 @@ def _size(text: str) -> _Size:
     """Return the size of a unit in SI, and its powers of angle, length, time and temperature."""
     if len(text) > _LONGEST:
         raise ValueError('too long for a unit')
-    spellings = (
-        ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
-    )
-    for sign, spelling in spellings:
-        text = text.replace(sign, spelling)
+    text = text.translate(_SPELLINGS)
     text = re.sub(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
                   lambda m: f'({m[1] or m[2]})^0.5', text).strip()
     # Two units side by side are multiplied. The rest has the syntax of Python.

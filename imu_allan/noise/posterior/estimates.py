@@ -5,6 +5,7 @@
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from imu_allan.arrays import Array, Bools
 from imu_allan.noise.posterior import thresholds_and_priors as thresholds
@@ -29,7 +30,7 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.shapes import cubic, FREE_SHAPES, TERM_SHAPES, WHITE
-from imu_allan.noise.posterior.trend_search import TrendKind, waveforms
+from imu_allan.noise.posterior.trend_search import Found, waveforms
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
@@ -66,25 +67,10 @@ class Estimate:
     presence: float = 1.0
 
 
-@dataclass(frozen=True)
-class ReportedTrend:
-    """
-    A trend of the mean that is reported.
+class ReportedTrend(NamedTuple):
+    """A trend of the mean that is reported, with size and standard error of each column."""
 
-    Attributes
-    ----------
-    kind : TrendKind
-    value : float
-        Nuisance, with the 95 % interval from `low` to `high`.
-    columns : tuple of (float, float)
-        Size and standard error of each column.
-
-    """
-
-    kind: TrendKind
-    value: float
-    low: float
-    high: float
+    trend: Found
     columns: tuple[tuple[float, float], ...]
 
 
@@ -279,7 +265,7 @@ def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
             weight[key] += model.weight
     found: list[ReportedTrend] = []
     for model in posterior.models:
-        known = {one.kind.key for one in found}
+        known = {one.trend.kind.key for one in found}
         for number, one in enumerate(model.trends):
             if one.kind.key in known or weight[one.kind.key] <= thresholds.REPORTED:
                 continue
@@ -293,8 +279,7 @@ def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
                 _, beside = _with_nuisances(model, record)
                 columns = tuple((value, max(within, float(whole))) for (value, within), whole
                                 in zip(columns, beside[-left:], strict=False))
-            low, high = one.interval
-            found.append(ReportedTrend(one.kind, one.value, low, high, columns))
+            found.append(ReportedTrend(one, columns))
     return tuple(found)
 
 

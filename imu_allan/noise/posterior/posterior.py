@@ -25,9 +25,8 @@ from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import best_of, fast_ends, KEPT, search_models
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
-from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found, waveforms
+from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found
 from imu_allan.noise.record.groups import Groups
-from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 
@@ -82,10 +81,6 @@ class Posterior:
     misfit: float
     edge: int | None = None
     change: Change = STEADY
-
-    def trends(self, duration_s: float) -> list[Waveform]:
-        """Return the trends of the mean in the most probable model."""
-        return waveforms(self.models[0].trends, duration_s)
 
 
 def posteriors(groups: Sequence[Groups], dt: float,

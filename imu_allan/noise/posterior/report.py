@@ -100,10 +100,7 @@ class AxisReport:
     @property
     def mean_moves(self) -> bool:
         """Whether the mean moves in a way that the noise terms do not describe."""
-        trend = self.trend
-        return (self.random_walk_unclear or self.bias_step is not None or trend.ramp is not None
-                or trend.warm_up is not None or trend.temperature is not None
-                or trend.cycle_s is not None)
+        return self.random_walk_unclear or self.bias_step is not None or self.trend != Trend()
 
     def bounded(self, *keys: str) -> 'AxisReport':
         """Return the report with some of the terms as upper bounds."""
@@ -131,9 +128,9 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
     moving = estimates.reported_trends(posterior, record)
-    if sum(one.kind.key == 'bias_step' for one in moving) > 1:
+    if sum(one.trend.kind.key == 'bias_step' for one in moving) > 1:
         # Two steps may as well be a bump or something else.
-        moving = tuple(one for one in moving if one.kind.key != 'bias_step')
+        moving = tuple(one for one in moving if one.trend.kind.key != 'bias_step')
     identified = (sigma.observable or exponent.observable or bool(moving) or ramp.observable
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge
@@ -141,9 +138,9 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     bent, drifting = (estimates.weight_of(posterior, which)
                       for which in (estimates.bends, estimates.drifts))
     low_pass = edge is not None or bent > thresholds.OBSERVABLE
-    by_kind = {one.kind.key: one for one in moving}
+    by_kind = {one.trend.kind.key: one for one in moving}
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
-    warm = sorted((_warm_up(one) for one in moving if one.kind.key == 'warm_up'),
+    warm = sorted((_warm_up(one) for one in moving if one.trend.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
     return AxisReport(
         found, posterior.p_value, posterior.misfit,
@@ -164,22 +161,22 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
             _dependence(heat, temperature) if heat is not None and temperature is not None
             else None,
             warm[1] if len(warm) > 1 else None,
-            1 / cycle.value if cycle is not None else None),
-        bias_step=BiasStep(step.value, step.columns[0][0]) if step is not None else None,
+            1 / cycle.trend.value if cycle is not None else None),
+        bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step is not None else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
         shallow=edge_hz is not None and edge_hz * dt < thresholds.LEAST_DESCRIBED)
 
 
-def _warm_up(trend: ReportedTrend) -> WarmUp:
-    [(size, error)] = trend.columns
+def _warm_up(warming: ReportedTrend) -> WarmUp:
+    trend, [(size, error)] = warming
     half = NORMAL95 * error
-    return WarmUp(size, trend.value, (size - half, size + half), (trend.low, trend.high))
+    return WarmUp(size, trend.value, (size - half, size + half), trend.interval)
 
 
-def _dependence(trend: ReportedTrend, temperature: TemperatureSeries) -> TemperatureDependence:
-    size, error = trend.columns[0]
-    half = NORMAL95 * error
-    lags = not trend.low <= 0 <= trend.high
+def _dependence(heating: ReportedTrend, temperature: TemperatureSeries) -> TemperatureDependence:
+    trend, [(size, error)] = heating
+    half, (low, high) = NORMAL95 * error, trend.interval
+    lags = not low <= 0 <= high
     return TemperatureDependence(
         size, (size - half, size + half), temperature.lowest, temperature.highest,
-        trend.value if lags else None, (trend.low, trend.high) if lags else None)
+        trend.value if lags else None, trend.interval if lags else None)

@@ -344,16 +344,14 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     `rows`: models without trends, for each axis the best first. `records`: of each axis; None
     where no trend is to be searched for. Returns: a fit for each number of trends.
     """
-    searches = [_Search(axis, of_axis(rows, axis), AxisBank(bank, record))
+    searches = [_Search(spectra, axis, of_axis(rows, axis), starts[axis], AxisBank(bank, record))
                 for axis, record in enumerate(records)
                 if record is not None and record.duration_s > 0]
     if not searches:
         return []
-    tried = [rows_of(spectra, search.axis, _noises(spectra, starts[search.axis], search.best))
-             for search in searches]
-    still = maximise_rows(spectra, Rows.joined(tried))
-    for search, own in zip(searches, tried, strict=True):
-        search.begin(spectra, own, of_axis(still, search.axis))
+    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
+    for search in searches:
+        search.begin(spectra, of_axis(still, search.axis))
     found: list[Fitted] = []
     # Temperature, a cycle and a warm-up may act at once; a fourth trend would pass for noise.
     while len(found) < 3 and (
@@ -367,18 +365,19 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
 class _Search:
     """Greedy search for the trends of one axis."""
 
-    def __init__(self, axis: int, rows: Rows, bank: AxisBank) -> None:
-        self.axis, self.bank, self.best = axis, bank, rows.take([0])
+    def __init__(self, spectra: Spectra, axis: int, rows: Rows, start: Start, bank: AxisBank
+                 ) -> None:
+        self.axis, self.bank, self._best = axis, bank, rows.take([0])
+        self.tried = rows_of(spectra, axis, _noises(spectra, start, self._best))
         self._top = float(rows.evidence.max())
         self._chosen: tuple[Found, ...] = ()
         self._about: Whitened | None = None
         self._behind = np.zeros(1)    # gain that each noise model must make up for
 
-    def begin(self, spectra: Spectra, tried: Rows, still: Rows) -> None:
-        """Start from the noise models near the best, `tried` as fitted without trends."""
-        self.tried = tried
+    def begin(self, spectra: Spectra, still: Rows) -> None:
+        """Start from the noise models near the best, as fitted without trends."""
         near = still.take(still.evidence > still.evidence.max() - 30.0)
-        self._look(spectra, Rows.joined([self.best, near]))
+        self._look(spectra, Rows.joined([self._best, near]))
 
     def _look(self, spectra: Spectra, rows: Rows) -> None:
         self._about = self.bank.about(

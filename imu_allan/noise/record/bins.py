@@ -38,11 +38,6 @@ class Bins:
         """Coefficients of a unit ramp in the whole-record part, shape (bins,); zero in blocks."""
         return np.asarray(-np.sqrt(np.maximum(self.ramp, 0.0)))
 
-    @property
-    def cross(self) -> Array:
-        """Products of the coefficients and those of a unit ramp, shape (axes, bins)."""
-        return self.coefficient * self.of_ramp
-
     @cached_property
     def band(self) -> Ints:
         """Return the number of the narrow band of each bin, which is the same for all axes."""

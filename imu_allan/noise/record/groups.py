@@ -68,21 +68,6 @@ class Groups:
         return replace(self, dof=self.dof / (1 + dof[octave] * spread**2 / 2))
 
 
-def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
-    """
-    Remove the contribution of a ramp from the power of coefficients.
-
-    `power`, `cross`, `ramp`, shape (n,): as in `Bins`. `slope`: of the ramp, per second. Returns
-    shape (n,).
-    """
-    if slope == 0:
-        return power
-    # For signed coefficients the result is exact. For blocks only the mean power of the ramp is
-    # known, and their power may be smaller by chance.
-    floor = np.where(ramp > 0, 1e-12, LEAST_OF_BLOCKS)
-    return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
-
-
 def grouped(bins: Bins, axis: int, keep: Bools | None = None,
             regressors: Array | None = None, *, known: Groups | None = None) -> Groups:
     """
