@@ -320,17 +320,15 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
 
 
-def _filtered(posterior: Posterior) -> Drawn | None:
-    """Return the most probable model with a filter, or else one with an unexplained top."""
-    return next((model for model in posterior.models if bends(model)),
-                posterior.models[0] if posterior.edge is not None else None)
-
-
-def passed_by(posterior: Posterior) -> tuple[Array, Array] | None:
-    """Return frequencies, and the share of white noise that the most probable filter passes."""
-    model = _filtered(posterior)
-    if model is None:
+def filtered(posterior: Posterior) -> Drawn | None:
+    """Return the most probable model with a filter, if there probably is one, or with an edge."""
+    if posterior.edge is None and weight_of(posterior, bends) <= thresholds.OBSERVABLE:
         return None
+    return next((model for model in posterior.models if bends(model)), posterior.models[0])
+
+
+def passed_by(model: Drawn) -> tuple[Array, Array]:
+    """Return frequencies, and the share of white noise that the filter of a model passes."""
     row, spectra, of = model.row, model.spectra, int(model.row.of[0])
     white = [slot for slot in (N, OUTPUT) if row.has[0, slot]]
     whole = np.exp(2 * row.x[0, white]) @ spectra.columns[of, white]
@@ -340,13 +338,10 @@ def passed_by(posterior: Posterior) -> tuple[Array, Array] | None:
     return spectra.frequency, np.where(top, spectra.power[of], behind) / whole
 
 
-def window_of(posterior: Posterior, dt: float) -> float | None:
-    """Return the width of the boxcar that attenuates white noise like the most probable filter."""
-    model = _filtered(posterior)
-    if model is None:
-        return None
+def window_of(model: Drawn, edge: int | None, dt: float) -> float:
+    """Return the width of the boxcar that attenuates white noise like a model below an edge."""
     spectra = model.spectra
-    below = spectra.frequency[:posterior.edge]
+    below = spectra.frequency[:edge]
     if model.row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(model.row.family, model.row.x[:, LOW]))

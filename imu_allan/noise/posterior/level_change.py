@@ -51,8 +51,8 @@ class Change:
         uniform = _points(count)
         place = np.searchsorted(np.cumsum(self.weight), uniform[:, 0])
         tau = _TAUS[np.minimum(place, len(_TAUS) - 1)]
-        # Parts are correlated because the change is slow: the whole varies by 4 tau^2.
-        return np.asarray(np.exp(0.5 * np.sqrt(4.0) * tau * ndtri(uniform[:, 1])))
+        # Parts are correlated because the change is slow: the power varies by 4 tau^2.
+        return np.asarray(np.exp(tau * ndtri(uniform[:, 1])))
 
 
 STEADY = Change(np.where(_TAUS == 0, 1.0, 0.0))

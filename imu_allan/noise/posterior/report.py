@@ -135,17 +135,16 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge
     edge_hz = None if edge is None else float(posterior.models[0].spectra.frequency[edge - 1])
-    bent, drifting = (estimates.weight_of(posterior, which)
-                      for which in (estimates.bends, estimates.drifts))
-    low_pass = edge is not None or bent > thresholds.OBSERVABLE
+    filtered = estimates.filtered(posterior)
+    drifting = estimates.weight_of(posterior, estimates.drifts)
     by_kind = {one.trend.kind.key: one for one in moving}
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.trend.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
     return AxisReport(
         found, posterior.p_value, posterior.misfit,
-        estimates.window_of(posterior, dt) if low_pass else None,
-        estimates.passed_by(posterior) if low_pass else None, edge_hz,
+        estimates.window_of(filtered, edge, dt) if filtered else None,
+        estimates.passed_by(filtered) if filtered else None, edge_hz,
         corner.value if corner.observable else None,
         gauss_markov=GaussMarkov(
             sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
