@@ -61,11 +61,9 @@ def _what_there_is(recording: Recording) -> str:
         return f'its Imu topics are {_list_topics(recording)}'
     if not recording.other_topics:
         return 'it holds no topics at all: the recording is empty'
-    shown = [f'{brief(name)} ({brief(kind)})'
-             for name, kind in sorted(recording.other_topics.items())[:10]]
-    more = len(recording.other_topics) - len(shown)
-    return ('no topic of type sensor_msgs/msg/Imu; it holds ' + ', '.join(shown)
-            + (f' and {more} more' if more else '')
+    others = sorted(recording.other_topics.items())
+    return ('no topic of type sensor_msgs/msg/Imu; it holds '
+            + _first_ten([f'{brief(name)} ({brief(kind)})' for name, kind in others])
             + _reason(recording, sorted(recording.other_topics)))
 
 
@@ -79,9 +77,11 @@ def _reason(recording: Recording, topics: list[str]) -> str:
 
 
 def _list_topics(recording: Recording) -> str:
-    shown = [
+    return _first_ten([
         brief(topic.name)
         + ('' if topic.count is None else f' ({counted(topic.count, "message")})')
-        for topic in sorted(recording.topics, key=lambda topic: topic.name)[:10]]
-    more = len(recording.topics) - len(shown)
-    return ', '.join(shown) + (f' and {more} more' if more else '')
+        for topic in sorted(recording.topics, key=lambda topic: topic.name)])
+
+
+def _first_ten(texts: list[str]) -> str:
+    return ', '.join(texts[:10]) + (f' and {len(texts) - 10} more' if len(texts) > 10 else '')

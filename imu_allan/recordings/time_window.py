@@ -9,7 +9,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.timeline.clock import repeated
-from imu_allan.timeline.stamps import flaw_of, Stamps
+from imu_allan.timeline.stamps import flaw_of
 from imu_allan.wording import duration
 import numpy as np
 
@@ -46,7 +46,7 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
 
 def _by_header(block: ImuBlock) -> bool:
     """Return whether only header stamps advance, as converters may copy one receive stamp."""
-    def unusable(stamps: Stamps) -> bool:
-        return flaw_of(stamps, repeated(block.samples), bursts=True) is not None
-
-    return unusable(block.receive_ns) and not unusable(block.header_ns)
+    same = repeated(block.samples)
+    receive, header = (flaw_of(stamps, same, bursts=True)
+                       for stamps in (block.receive_ns, block.header_ns))
+    return receive is not None and header is None

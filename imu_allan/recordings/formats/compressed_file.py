@@ -6,12 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import (
-    declared_size,
-    MOST_RATIO,
-    PLAIN_BYTES,
-    STREAMS,
-)
+from imu_allan.recordings.formats.decompress import declared_size, MOST_RATIO, PLAIN_BYTES, STREAMS
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording

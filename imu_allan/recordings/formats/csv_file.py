@@ -85,7 +85,7 @@ class CsvRecording(FileRecording):
         rejected = samples = 0
         first_rejected = ''
         line = self._first_line
-        for lines, position in self._lines(self._data_at):
+        for lines, position in self._lines():
             table, stamps, bad = _parse(lines, columns)
             if bad:
                 first_rejected = first_rejected or (
@@ -106,12 +106,12 @@ class CsvRecording(FileRecording):
                 'malformed_messages', what='line', count=rejected, first=first_rejected,
                 lost_share=rejected / (rejected + samples))
 
-    def _lines(self, start: int) -> Iterator[tuple[list[str], int]]:
+    def _lines(self) -> Iterator[tuple[list[str], int]]:
         """Read complete lines, about 1 MiB at a time, with the number of bytes consumed so far."""
         # Longer than any line; some 10,000 lines, for fast parsing by numpy.
         at_a_time = 1 << 20
         with self._stored.open('rb') as file:
-            position = file.seek(start)
+            position = file.seek(self._data_at)
             # Of what is added meanwhile, only the rest of a line is read.
             while data := file.read(max(min(at_a_time, self.size_bytes - position), 0)):
                 last = b'' if data.endswith(b'\n') else file.readline(at_a_time + 1)
@@ -196,7 +196,7 @@ class CsvRecording(FileRecording):
             # Another topic of the table may have begun long before, so this column starts empty.
             times = _column(rows, clock.column) or next(filter(None, (
                 _column([_cells(line, delimiter) for line in lines], clock.column)
-                for lines, _ in self._lines(self._data_at))), [])
+                for lines, _ in self._lines())), [])
             columns = replace(columns, clock=None if rows and not times else _with_unit(
                 clock, times, options.rate_hz))
         self._apart = columns.clock is not None and _are_apart(columns, rows)

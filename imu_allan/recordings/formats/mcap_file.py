@@ -105,7 +105,6 @@ class McapRecording(ChunkedRecording):
                 tail[:footer_size - 4], crc32(summary)):
             return False
         at = 0
-        index_head = Struct('<QQQ')
         while len(summary) - at >= RECORD_HEAD:
             opcode, length = OPCODE_LENGTH.unpack_from(summary, at)
             body = summary[at + RECORD_HEAD:at + RECORD_HEAD + length]
@@ -116,10 +115,10 @@ class McapRecording(ChunkedRecording):
                     self._counts = statistics.channel_message_counts
                     self._counted = bool(self._counts) or statistics.message_count == 0
                     self.ends_ns = [statistics.message_start_time, statistics.message_end_time]
-            elif opcode == Opcode.CHUNK_INDEX and len(body) >= index_head.size:
-                # Only the offset is needed; the library would parse the whole ChunkIndex entry by
-                # entry.
-                *_, chunk_start = index_head.unpack_from(body)
+            elif opcode == Opcode.CHUNK_INDEX and len(body) >= 24:
+                # Only the offset, after two times, is needed; the library would parse the whole
+                # ChunkIndex entry by entry.
+                chunk_start = int.from_bytes(body[16:24], 'little')
                 if chunk_start < self.size_bytes:
                     self._chunk_starts.append(chunk_start)
             else:

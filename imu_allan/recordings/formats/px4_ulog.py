@@ -58,9 +58,8 @@ class UlogRecording(TableLog):
             samples += len(records) if fields.burst is None else int(
                 records[fields.burst.samples].astype(np.int64).sum())
             seen[name] = messages + len(records), samples, first, int(times[-1]), records.dtype
-        for name, reason in reader.reasons.items():
-            self.reasons[name] = reason
-            self.other_topics[name] = _type_of(name)
+        self.reasons |= reader.reasons
+        self.other_topics |= {name: _type_of(name) for name in reader.reasons}
         if reader.damaged:
             self.remark('damaged_recording', fault='bytes', bytes=reader.damaged,
                         lost_share=reader.damaged / self.size_bytes)

@@ -5,12 +5,17 @@ The .db3 files of rosbag2's sqlite3 storage.
 
 A recording is never modified. If SQLite has to write, to apply the log that a killed recorder left
 beside the file, it does so in a copy.
+
+A database can contain programs: views and virtual tables may compute forever. An overflow page
+that points to itself is a gigabyte long, and a tree with shared leaves has more rows than the
+disk. So values are bounded, and all statements share a budget of steps that no genuine file of
+that size exhausts. See https://sqlite.org/security.html.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from itertools import islice
 import os
@@ -26,7 +31,6 @@ from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.formats.temporary_folder import make_folder, room_in
-from imu_allan.recordings.formats.untrusted_database import untrusted_database
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -92,7 +96,7 @@ class SqliteRecording(FileRecording):
                 self._note_missing_end()
             else:
                 self._work_on_copy(log)
-                with untrusted_database(self._stored, 0, 'mode=rw'):
+                with self._database('mode=rw'):
                     # Opening the database applies the log.
                     pass
             definitions = self._described()
@@ -140,8 +144,31 @@ class SqliteRecording(FileRecording):
                         bytes=pages * page_size, lost_share=missing / (pages * page_size))
             self._tolerant, self._unsure = True, page_size // 256
 
-    def _database(self) -> AbstractContextManager[sqlite3.Connection]:
-        return untrusted_database(self._stored, self._room, tolerant=self._tolerant)
+    @contextmanager
+    def _database(self, mode: str = 'immutable=1') -> Iterator[sqlite3.Connection]:
+        """
+        Open the database with a budget for its size; raise sqlite3.Error if it is none.
+
+        Opened as immutable, SQLite reads only this file, creates none, and takes no lock that a
+        recorder could meet. If tolerant, a file shorter than its header says is read as far as it
+        goes.
+        """
+        uri = f'{self._stored.absolute().as_uri()}?{mode}'
+        with closing(sqlite3.connect(uri, uri=True)) as database:
+            database.text_factory = lambda data: data.decode('utf-8', 'replace')
+            database.execute('PRAGMA trusted_schema = OFF')
+            # Python 3.10 has no limits.
+            if hasattr(database, 'setlimit'):
+                # An Imu has 324 bytes plus its frame_id; definitions are the longest values.
+                database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 1 << 20)
+            if self._tolerant:
+                database.execute('PRAGMA writable_schema = ON')
+            # Enough for a schema of some 2,000 entries; rosbag2 writes 6.
+            _limit_steps(database, 50)
+            database.execute('SELECT * FROM sqlite_master LIMIT 0')
+            # A row takes 7 to 25 steps, and occupies at least 14 bytes.
+            _limit_steps(database, 20_000 + self._room // 500)
+            yield database
 
     def _described(self) -> dict[str, Definition]:
         """Look up the types of the topics; return those definitions that the file has of them."""
@@ -237,3 +264,9 @@ def _texts(database: sqlite3.Connection, table: str, *columns: str) -> Iterator[
                       for name in columns)
     return database.execute(
         f'SELECT {texts} FROM {table} NOT INDEXED ORDER BY rowid LIMIT {1 << 16}')
+
+
+def _limit_steps(database: sqlite3.Connection, thousands: int) -> None:
+    """Let all statements together take so many thousand steps of SQLite's virtual machine."""
+    left = iter(range(thousands))
+    database.set_progress_handler(lambda: next(left, None) is None, 1000)
