@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 import errno
 import os
+from pathlib import Path
 import sys
 from typing import Any
 
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import Shown
-from imu_allan.cli.overwriting import require_apart
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, exit_status
 from imu_allan.version import __version__
@@ -114,6 +114,37 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     return args
 
 
+def _require_apart(args: argparse.Namespace) -> None:
+    """
+    Refuse an output that is an input, or an existing file of another kind.
+
+    The defaults `inputs` and `outputs` of each verb list which of its arguments are which. Outputs
+    have a kind (`imu_allan.writers.atomic`), which is empty for a folder.
+    """
+    from imu_allan.writers.atomic import require_replaceable
+
+    given = [(name.replace('_', ' '), path) for name in getattr(args, 'inputs', ())
+             for path in _paths(args, name)]
+    written = [(f'--{name}', path, kind) for name, kind in getattr(args, 'outputs', {}).items()
+               for path in _paths(args, name)]
+    for name, path, *_ in (*given, *written):
+        if not path:
+            raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
+    for name, path, kind in written:
+        is_file = Path(path).is_file()
+        if is_file and any(Path(other).exists() and Path(path).samefile(other)
+                           for _, other in given):
+            raise ImuAllanError(f'{name} {printable(path)}: is an input of this command, which '
+                                'would be overwritten; name another file')
+        if is_file and kind:
+            require_replaceable(path, kind)
+
+
+def _paths(args: argparse.Namespace, name: str) -> list[str]:
+    found = getattr(args, name)
+    return [] if found is None else [found] if isinstance(found, str) else list(found)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments, by default those of the process; return its exit status."""
     for stream in (sys.stdout, sys.stderr):
@@ -121,7 +152,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')
     try:
         args = _parsed(argv)
-        require_apart(args)
+        _require_apart(args)
         status = args.run(args)
         sys.stdout.flush()
         return int(status)

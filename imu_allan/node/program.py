@@ -28,7 +28,7 @@ class StopRequest:
 def run_program(program: str, node_class: str, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     start_quickly()
-    given = sys.argv[1:] if args is None else args
+    given = list(sys.argv[1:] if args is None else args)
     if given and given[0] in ('-h', '--help'):
         print(f'usage: {program} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]',
               'topics and services of a running node: ros2 node info NODE',
@@ -41,7 +41,7 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)
-        with _stopped_by(stop), _ros(args):
+        with _stopped_by(stop), _ros(given):
             # Imported only now: ROS may be missing.
             module, _, name = node_class.rpartition('.')
             node = getattr(import_module(module), name)()
@@ -112,7 +112,7 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _ros(args: Sequence[str] | None) -> Iterator[None]:
+def _ros(args: list[str]) -> Iterator[None]:
     from imu_allan.node.rclpy_inside import RCLError, UnknownROSArgsError
     import rclpy
     from rclpy.exceptions import ParameterException
@@ -120,12 +120,11 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
     from rclpy.utilities import try_shutdown
 
     # rcl reports a missing file in two lines that name its own sources.
-    for word, path in pairwise(sys.argv[1:] if args is None else args):
+    for word, path in pairwise(args):
         if word == '--params-file' and not Path(path).is_file():
             raise ImuAllanError(f'--params-file {path}: no such file')
     try:
-        rclpy.init(args=None if args is None else list(args),
-                   signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:
         raise ImuAllanError(f'{_one_line(error)}; check the arguments after --ros-args and the '
                             'parameter file') from error
