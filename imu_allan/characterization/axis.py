@@ -263,7 +263,7 @@ def _coefficient(unknown: Coefficient, estimate: Estimate, observable_in_s: floa
                  ci_halves_in_s: float | None) -> Coefficient:
     if estimate.observable:
         return replace(unknown, observable=True, value=estimate.value,
-                       ci95=(estimate.low, estimate.high), ci_halves_in_s=ci_halves_in_s,
+                       ci95=estimate.interval, ci_halves_in_s=ci_halves_in_s,
                        presence=estimate.presence)
     return replace(unknown, upper95=estimate.upper if np.isfinite(estimate.upper) else None,
                    observable_in_s=observable_in_s, presence=estimate.presence)

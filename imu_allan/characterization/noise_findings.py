@@ -124,8 +124,7 @@ def length_findings(axes: Mapping[str, AxisResult], summary: TimelineSummary,
     `axes`: their fits. `summary`: of the same record. `unclear`: axes whose random walk is hidden
     by a trend, not by the length of the record.
     """
-    live = {name: axis for name, axis in axes.items()
-            if axis.goodness_of_fit.p_value is not None}
+    live = {name: axis for name, axis in axes.items() if axis.goodness_of_fit.p_value is not None}
     samples, length_s = summary.timeline.samples, summary.timeline.duration_s
     if not live and samples < SHORTEST_RECORD:
         return [finding('short_recording', severity='act', samples=samples,

@@ -82,8 +82,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
 
     """
     sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
-    axes = [axis for axis in range(finished.axes)
-            if axis_fault(finished, sections, axis) is None]
+    axes = [axis for axis in range(finished.axes) if axis_fault(finished, sections, axis) is None]
     found: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
         return found

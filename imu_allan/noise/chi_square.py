@@ -47,8 +47,7 @@ def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
     pooled = np.sum(dof * ratio, axis=0) / total
     there = pooled != 0  # bands without any power do not differ
     if not np.all(there):
-        return (equal_variances(ratio[:, there], dof[:, there], least) if np.any(there)
-                else 1.0)
+        return equal_variances(ratio[:, there], dof[:, there], least) if np.any(there) else 1.0
     value = total * np.log(pooled) - np.sum(dof * np.log(np.maximum(ratio, least * pooled)), 0)
     correction = 1 + (np.sum(1 / dof, axis=0) - 1 / total) / (3 * (len(ratio) - 1))
     return float(survival(max(float(np.sum(value / correction)), 0.0),

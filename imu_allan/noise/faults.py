@@ -136,8 +136,7 @@ def clipping(finished: Estimator, axis: int) -> Clipped | None:
     # the noise up to four times, which admits steps of two sigma; these still permit the test.
     # A ratio above 4 between averaging times of up to 64 samples, too short for drift, is a
     # vibration: its values crowd at both ends. An output that is clipped at rest has 1.4.
-    if (not len(noises) or not step <= 0.5 * noise
-            or noises[:7].max() > 4.0 * noise):
+    if not len(noises) or not step <= 0.5 * noise or noises[:7].max() > 4.0 * noise:
         return None
     # Allow for three standard errors of the count.
     share = max(count - 3.0 * np.sqrt(count), 0.0) / samples

@@ -67,8 +67,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = replace(report, high_pass_hz=max(corners_hz))
-    return AxisFit(report, _lines(records), groups,
-                   joined_groups([one.whole for one in records]))
+    return AxisFit(report, _lines(records), groups, joined_groups([one.whole for one in records]))
 
 
 def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:

@@ -133,8 +133,7 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     # Autocovariance of the averages: r0 at lag 0, tail exp(-(k - 1) dt/T) at lag k >= 1.
     r0, tail = mean_variance(correlation_time_s, dt), on_mean(correlation_time_s, dt)**2
     z = np.exp(2j * np.pi * np.asarray(nu))
-    return np.asarray(
-        r0 + 2 * tail * np.real(z / (1 - np.exp(-dt / correlation_time_s) * z)))
+    return np.asarray(r0 + 2 * tail * np.real(z / (1 - np.exp(-dt / correlation_time_s) * z)))
 
 
 def flicker_dct_factor(j: ArrayLike) -> Array:

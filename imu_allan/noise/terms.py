@@ -171,8 +171,7 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> Array:
     # For exponent 1, numerator and denominator are both zero.
     factor = (2 * log(2) / pi if exponent == 1
               else (4 - 2 ** (1 + exponent)) / (2 * cos(pi * exponent / 2) * gamma(2 + exponent)))
-    return np.asarray(amplitude**2 * factor
-                      * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
+    return np.asarray(amplitude**2 * factor * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
 
 
 def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> Array:

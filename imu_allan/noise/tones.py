@@ -146,8 +146,7 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
             excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
             peak = float(np.max(excess / level[begin:end])) / floor
             # A sharp line leaks into side lobes; a broad one has skirts as wide as itself.
-            reach = 1 + (int(np.ceil(np.sqrt(peak / leak) / np.pi))
-                         if scale == 1 else end - begin)
+            reach = 1 + (int(np.ceil(np.sqrt(peak / leak) / np.pi)) if scale == 1 else end - begin)
             around = slice(max(0, begin - reach), end + reach)
             # Leaked power is part of the line; a bin in reach of two lines counts once.
             leaked = (power[around] - floor * level[around])[~counted[around]].sum()
@@ -164,8 +163,7 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
                         for other, top in main for at in (other, 2 * len(power) - other))
             # Next to a stronger line, a line must be twice as high as the side lobe. In averages
             # of few blocks, where side lobes scatter, four times. Chosen by judgment.
-            if scale == 1 and height < lobes * (
-                    2.0 if blocks >= _MANY else 4.0):
+            if scale == 1 and height < lobes * (2.0 if blocks >= _MANY else 4.0):
                 continue
             main.append((place, height))
             found.append((part, excess))

@@ -62,11 +62,9 @@ class Met:
 def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     """Fit each half of a record of means and filter the other; None if short or noiseless."""
     axes = series.sums.shape[0]
-    rows = max(segments(series, cell), key=lambda rows: rows.shape[1],
-               default=np.zeros((axes, 0)))
+    rows = max(segments(series, cell), key=lambda rows: rows.shape[1], default=np.zeros((axes, 0)))
     cell_s = cell * dt
-    coarsen = max(1, int(np.ceil(rows.shape[1] / 2 / MOST_STEPS)),
-                  round(INTERVALS_S[0] / cell_s))
+    coarsen = max(1, int(np.ceil(rows.shape[1] / 2 / MOST_STEPS)), round(INTERVALS_S[0] / cell_s))
     rows, cell_s = _averaged(rows, coarsen), cell_s * coarsen
     half = rows.shape[1] // 2
     found: list[Backtest | None] = [None] * axes

@@ -359,8 +359,7 @@ class Truth:
                 processes.append((
                     shows_s, GaussMarkov(random_walk * float(np.sqrt(time / 2)), time)))
             else:
-                yield shows_s, random_walk**2 * (
-                    h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
+                yield shows_s, random_walk**2 * (h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
         for scale_s, process in processes:
             time, variance = process.correlation_time_s, process.sigma**2
             e, a, ah = np.exp(-t / time), on_mean(time, t), on_mean(time, h)

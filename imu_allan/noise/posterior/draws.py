@@ -62,8 +62,7 @@ def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
         normal, chi = _points(count, len(free))
         scale = np.sqrt(_TAILS / chi)
         own, d = slice(end - count, end), len(free)
-        many.x[own, free] += wider * scale[:, None] * (
-            normal @ half[number][np.ix_(free, free)].T)
+        many.x[own, free] += wider * scale[:, None] * (normal @ half[number][np.ix_(free, free)].T)
         log_t[own] = (
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
             - d * np.log(wider) + spread[number]

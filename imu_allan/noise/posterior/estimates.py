@@ -34,6 +34,7 @@ from imu_allan.noise.posterior.trend_search import Found, waveforms
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
+from imu_allan.result import Interval
 import numpy as np
 from scipy.special import ndtr, ndtri
 
@@ -65,6 +66,11 @@ class Estimate:
     high: float
     upper: float
     presence: float = 1.0
+
+    @property
+    def interval(self) -> Interval:
+        """The 95 % interval."""
+        return self.low, self.high
 
 
 class ReportedTrend(NamedTuple):

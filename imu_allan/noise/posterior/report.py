@@ -141,27 +141,21 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.trend.kind.key == 'warm_up'),
                   key=lambda one: -abs(one.amplitude))
+    process = GaussMarkov(sigma.value, time.value, sigma.interval, time.interval)
+    law = PowerLaw(exponent.value, exponent.interval,
+                   amplitude.value**2 / (2 * np.pi)**exponent.value)
+    trend = Trend(
+        Ramp(ramp.value, ramp.interval) if ramp.observable else None, warm[0] if warm else None,
+        _dependence(heat, temperature) if heat and temperature else None,
+        warm[1] if len(warm) > 1 else None, 1 / cycle.trend.value if cycle else None)
     return AxisReport(
         found, posterior.p_value, posterior.misfit,
         estimates.window_of(filtered, edge, dt) if filtered else None,
         estimates.passed_by(filtered) if filtered else None, edge_hz,
-        corner.value if corner.observable else None,
-        gauss_markov=GaussMarkov(
-            sigma.value, time.value, (sigma.low, sigma.high), (time.low, time.high))
-        if sigma.observable else None,
-        power_law=PowerLaw(
-            exponent.value, (exponent.low, exponent.high),
-            amplitude.value**2 / (2 * np.pi)**exponent.value)
-        if exponent.observable else None,
-        random_walk_unclear=not identified and drifting > thresholds.REPORTED,
-        trend=Trend(
-            Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
-            warm[0] if warm else None,
-            _dependence(heat, temperature) if heat is not None and temperature is not None
-            else None,
-            warm[1] if len(warm) > 1 else None,
-            1 / cycle.trend.value if cycle is not None else None),
-        bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step is not None else None,
+        corner.value if corner.observable else None, process if sigma.observable else None,
+        law if exponent.observable else None,
+        random_walk_unclear=not identified and drifting > thresholds.REPORTED, trend=trend,
+        bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
         shallow=edge_hz is not None and edge_hz * dt < thresholds.LEAST_DESCRIBED)
 

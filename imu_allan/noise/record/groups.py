@@ -94,8 +94,7 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
         known = Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
                        np.stack([mean(column) for column in bins.design.T], axis=1),
                        mean(bins.ramp), mean(bins.step), mean(bins.length))
-    columns = [bins.of_ramp[whole],
-               *([] if regressors is None else regressors[whole].T)]
+    columns = [bins.of_ramp[whole], *([] if regressors is None else regressors[whole].T)]
     along = [mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
     among = np.empty((len(there), len(columns), len(columns)))
     for i, one in enumerate(columns):
@@ -113,8 +112,7 @@ def padded(parts: Sequence[Groups]) -> list[Groups]:
         assert part.among is not None
         missing = np.ones(most - part.along.shape[1], dtype=np.int64)
         among = np.insert(np.insert(part.among, missing, 0.0, axis=1), missing, 0.0, axis=2)
-        found.append(replace(part, along=np.insert(part.along, missing, 0.0, axis=1),
-                             among=among))
+        found.append(replace(part, along=np.insert(part.along, missing, 0.0, axis=1), among=among))
     return found
 
 

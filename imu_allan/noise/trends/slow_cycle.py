@@ -55,15 +55,13 @@ def strong_cycles(records: Sequence[RecordSpectrum], lines_hz: Sequence[Sequence
             for record, lines in zip(records, lines_hz, strict=True)]
 
 
-def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank
-                  ) -> SlowCycle | None:
+def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank) -> SlowCycle | None:
     record = without_lines(whole, fast_hz)
     noise = of_slower_half(record.groups())
     frequency_hz = _likeliest(record, noise, bank)
     variance = _expected(whole.bins, noise)
     # Continue only with harmonics that are unlikely by chance, or with an outlier.
-    if (_chance(record, variance, frequency_hz) > 1e-3
-            and not _has_outlier(record, noise)):
+    if _chance(record, variance, frequency_hz) > 1e-3 and not _has_outlier(record, noise):
         return None
     # Fit the frequency first with one harmonic, then with four.
     for few in (1, 4):
