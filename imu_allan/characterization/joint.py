@@ -68,7 +68,6 @@ def joint_result(recordings: Sequence[Characterization],
         parts.append(_Part(str(recording.path), start_s, record, *recording.fitted(own)))
         start_s += parts[-1].result.timeline.duration_s
     _agree(parts)
-    first = parts[0].record
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
@@ -78,7 +77,6 @@ def joint_result(recordings: Sequence[Characterization],
         for part in parts)) for name, (axis, _) in fitted.items()}
     remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline(parts, rate)
-    summary = replace(first.summary, timeline=timeline)
     spread = _turn_on_bias(parts, axes)
     differ = (finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
                       sigma_high=found.ci95[1], unit=axes[name].unit)
@@ -88,7 +86,7 @@ def joint_result(recordings: Sequence[Characterization],
         replace(parts[0].result.source, path=' + '.join(part.path for part in parts)),
         timeline, axes,
         (*_contradictions(parts, axes), *differ, *_of_each(parts), *remarks_of_axes,
-         *tone_findings(axes, rate), *length_findings(axes, summary)),
+         *tone_findings(axes, rate), *length_findings(axes, timeline)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
             {name: axis.mean for name, axis in part.result.axes.items()

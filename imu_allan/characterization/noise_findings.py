@@ -11,8 +11,7 @@ from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR
-from imu_allan.result import AxisResult, Segment, Trend
-from imu_allan.timeline import TimelineSummary
+from imu_allan.result import AxisResult, Segment, Timeline, Trend
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
@@ -116,20 +115,19 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
     return [one.with_values(start_s=start_s) if one.code == 'warm_up' else one for one in found]
 
 
-def length_findings(axes: Mapping[str, AxisResult], summary: TimelineSummary,
+def length_findings(axes: Mapping[str, AxisResult], timeline: Timeline,
                     unclear: Collection[str] = ()) -> list[Finding]:
     """
     Report what the record is too short for.
 
-    `axes`: their fits. `summary`: of the same record. `unclear`: axes whose random walk is hidden
+    `axes`: their fits. `timeline`: of the same record. `unclear`: axes whose random walk is hidden
     by a trend, not by the length of the record.
     """
     live = {name: axis for name, axis in axes.items() if axis.goodness_of_fit.p_value is not None}
-    samples, length_s = summary.timeline.samples, summary.timeline.duration_s
-    if not live and samples < SHORTEST_RECORD:
-        return [finding('short_recording', severity='act', samples=samples,
-                        needed=SHORTEST_RECORD, duration_s=length_s)]
-    return [finding('short_recording', (name,), coefficient=key, duration_s=length_s,
+    if not live and timeline.samples < SHORTEST_RECORD:
+        return [finding('short_recording', severity='act', samples=timeline.samples,
+                        needed=SHORTEST_RECORD, duration_s=timeline.duration_s)]
+    return [finding('short_recording', (name,), coefficient=key, duration_s=timeline.duration_s,
                     severity='act' if key == 'noise_density' else 'know')
             for key, hidden in (('noise_density', ()), ('rate_random_walk', unclear))
             for name, axis in live.items()

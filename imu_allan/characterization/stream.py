@@ -362,7 +362,7 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     unclear = {name for remark in found if remark.code in MEAN_MOVES for name in remark.axes}
     return axes, [*with_start(found, axes, summary.timeline.duration_s),
                   *tone_findings(axes, record.rate_hz), *implausible(axes),
-                  *length_findings(axes, summary, unclear | set(summary.turned))], fits
+                  *length_findings(axes, summary.timeline, unclear | set(summary.turned))], fits
 
 
 def _fitted_group(group: FinishedGroup, rate_hz: float
