@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from imu_allan.noise import stationarity
-from imu_allan.noise.faults import axis_fault
+from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.estimates import expected, fitted_trend
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
@@ -197,15 +197,22 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     """Prepare every axis: exclude its lines, and compare the segments of the record."""
     bins = bins_of(sections, dt, finished.interpolated_share)
     segments = stationarity.segment_powers(finished.periodogram)
-    quarters = _quarters(finished.periodogram, dt, finished)
+    brief = stationarity.short_powers(finished.periodogram) if segments is None else None
+    coarse = steps_hide_noise(finished)
+    quarters = _quarters(finished.periodogram, dt, finished) if brief is None else []
     found = []
     for axis in axes:
         whole = grouped(bins, axis)
         lines, keep = find_lines(sections, bins, axis, dt, whole)
         record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
+        own = segments
         steady = stationarity.steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
+        if brief is not None and not coarse[axis]:
+            # Parts of a short record can only show that the noise changes, not that it is steady.
+            said = stationarity.steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
+            own, steady = (None, None) if said.steady else (brief, said)
         groups = whole if keep.all() else replace(record, aligned=False).groups()
-        found.append(_Source(axis, whole, groups, record, lines, steady, segments, axis, quarters))
+        found.append(_Source(axis, whole, groups, record, lines, steady, own, axis, quarters))
     return found
 
 

@@ -16,7 +16,7 @@ to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from imu_allan.arrays import Array
+from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.periodogram import SpectrumSection
@@ -63,8 +63,7 @@ def axis_fault(finished: Estimator, sections: Sequence[SpectrumSection], axis: i
         return Constant(float(finished.mean[axis]))
     if (dead := deadband(finished, axis)) is not None:
         return dead
-    # With steps above two sigma, it is normal for an output to keep one value for a long time.
-    if (finished.census.step[axis] <= 2.0 * sample_noise(finished)[axis]
+    if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
         return StoodStill(*still)
     if (clipped := clipping(finished, axis)) is not None or not sections:
@@ -145,6 +144,13 @@ def clipping(finished: Estimator, axis: int) -> Clipped | None:
         return None
     kept = (census.lowest, census.highest)[end][axis]
     return Clipped(float(finished.reference[axis] + kept), count / samples, bool(end))
+
+
+def steps_hide_noise(finished: Estimator) -> Bools:
+    """Return for every axis whether the steps of its output are too coarse for its noise."""
+    # With steps above two sigma, the output often keeps one value, and its noise depends on where
+    # the mean lies within a step.
+    return np.asarray(finished.census.step > 2.0 * sample_noise(finished))
 
 
 def sample_noise(finished: Estimator) -> Array:

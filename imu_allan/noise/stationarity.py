@@ -15,13 +15,20 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of inconsistent measurements.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.chi_square import equal_variances
 from imu_allan.noise.record.cells import Cells, end_to_end
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.record.part_of_record import part_cells
-from imu_allan.noise.record.periodogram import HIGHEST_OF_MEANS, Periodogram, whole_sections
+from imu_allan.noise.record.periodogram import (
+    HIGHEST_OF_MEANS,
+    Periodogram,
+    SpectrumSection,
+    whole_section,
+    whole_sections,
+)
 from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 
@@ -29,8 +36,6 @@ _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
 _SEGMENT_PARTS = 16
 """Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
-_CHANGED = 1e-3
-"""Probability of equal noise below which it has changed."""
 
 
 @dataclass(frozen=True)
@@ -93,15 +98,45 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
         used -= 1  # less than half a segment is too short
     if used < 3:
         return None
-    bands = _DEPTH * PER_OCTAVE
-    power, dof = np.zeros((segments.axes, used, bands)), np.zeros((used, bands))
+    power, dof = _no_powers(segments.axes, used)
     seen = np.arange(segments.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
     power[:, :, seen], dof[:, seen] = segments.power[:, :used], segments.dof[:used]
     parts = [part_cells(periodogram, number, number + 1) for number in range(used)]
     # Add the frequencies below those of the blocks.
     top = min(HIGHEST_OF_MEANS, periodogram.cell / 2**OCTAVES)
-    for part, cells in enumerate(parts):
-        for section in whole_sections(cells, periodogram.cell, top):
+    return _powers(periodogram, power, dof, [
+        (cells, whole_sections(cells, periodogram.cell, top)) for cells in parts])
+
+
+def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
+    """Return the power of up to eight parts of a record that is too short for segments."""
+    series, cell = periodogram.series, periodogram.cell
+    # The power in 64 cells is known to 20 %, so that a doubling is four standard errors.
+    count = min(8, len(series) // 64)
+    if count < 3:
+        return None
+    ends = np.linspace(0, len(series), count + 1).astype(np.int64)
+    parts = [series.take(slice(first, last)) for first, last in pairwise(ends.tolist())]
+    # For white noise, all coefficients are equally good, however short the part.
+    top = 0.5 if cell == 1 else HIGHEST_OF_MEANS
+    # Split at gaps: interpolated samples are no noise, and their number differs by part.
+    found = _powers(periodogram, *_no_powers(periodogram.axes, count), [
+        (cells, [whole_section(run.means, cell, top)
+                 for run in cells.take(cells.counts == cell).split()]) for cells in parts])
+    return found if found.dof.any() else None
+
+
+def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
+    """Return zeros for sums of power and degrees of freedom, by part of a record and by band."""
+    bands = _DEPTH * PER_OCTAVE
+    return np.zeros((axes, parts, bands)), np.zeros((parts, bands))
+
+
+def _powers(periodogram: Periodogram, power: Array, dof: Array,
+            parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
+    """Return mean powers, and means and drift of parts; their sections are added to the sums."""
+    for part, (_, sections) in enumerate(parts):
+        for section in sections:
             # Coefficients 1 and 2 hold the trend of a segment, not its noise.
             index = np.arange(3, section.last)
             band = np.floor(PER_OCTAVE * (
@@ -114,8 +149,9 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
     keys = periodogram.series.keys
     places = end_to_end(keys) * float(periodogram.cell)
     start = [places[np.searchsorted(keys, cells.keys[0])] if len(cells) else 0.0
-             for cells in parts]
-    duration, mean, drift, drift_samples = zip(*map(_part_means, parts), strict=True)
+             for cells, _ in parts]
+    duration, mean, drift, drift_samples = zip(
+        *(_part_means(cells) for cells, _ in parts), strict=True)
     return SegmentPowers(
         2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH), power[:, :, seen] / np.maximum(dof, 1), dof,
         np.array(duration), np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
@@ -133,11 +169,12 @@ def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
 
 
 def steadiness(powers: SegmentPowers, axis: int, dt: float,
-               lines_hz: Sequence[float] = ()) -> Steadiness:
+               lines_hz: Sequence[float] = (), white_alone: bool = False) -> Steadiness:
     """
     Compare the noise in the segments of one axis.
 
-    `powers`: of all axes. `lines_hz`: lines, whose bands are left out.
+    `powers`: of all axes. `lines_hz`: lines, whose bands are left out. `white_alone`: leave out
+    noise that is slower than white noise, as for the parts of a short record.
     """
     frequency = powers.frequency / dt
     keep = np.asarray((powers.dof > 0).all(axis=0))
@@ -145,6 +182,11 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
     level = powers.level(axis)
     if keep.any():
+        if white_alone:
+            fastest = keep & (frequency > frequency[keep][-1] / 2)
+            # Bands above twice the level of the fastest octave hold drift, not white noise.
+            keep &= level < 2.0 * np.average(
+                level[fastest], weights=powers.dof.sum(axis=0)[fastest])
         # A band of lower level lies behind a low-pass and holds only leakage.
         keep &= level > 0.1 * np.median(level[keep])
     frequency, dof = frequency[keep], powers.dof[:, keep]
@@ -154,8 +196,8 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         return Steadiness(1.0, None, np.ones(1), np.zeros(1))
     at, middle, count = half
     p_value = equal_variances(at, count)
-    if p_value >= _CHANGED:
-        return Steadiness(p_value, None, middle, np.zeros(len(middle)))
+    # In short records, 1e-3 would give 2 % false alarms with a deep low-pass, because of leakage.
+    least = 1e-4 if white_alone else 1e-3
     # Neighbouring half-octaves change together, so smooth the spread over 0.7 octaves.
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
@@ -166,9 +208,14 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     assert broad is not None
     at, centre, count = broad
     wide = _spread(at, count)
+    if white_alone:
+        # White noise changes in all bands at once; few samples show it only in all together.
+        p_value = min(2 * min(p_value, equal_variances(at, count)), 1.0)
+    if p_value >= least:
+        return Steadiness(p_value, None, middle, np.zeros(len(middle)))
     for place in np.argsort(-wide):
         # A relative spread of 5 % of the power does not matter.
-        if wide[place] > 0.05 and equal_variances(at[:, [place]], count[:, [place]]) < _CHANGED:
+        if wide[place] > 0.05 and equal_variances(at[:, [place]], count[:, [place]]) < least:
             band = int(np.digitize(centre[place], edges[1:-1]))
             change = Change(edges[band], edges[band + 1], float(wide[place]) / 2)
             return Steadiness(p_value, change, middle, smooth)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from imu_allan.arrays import Array, Bools
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.alive import Repeats
-from imu_allan.timeline.memory import Decision, Memory
+from imu_allan.timeline.memory import Decision, FASTEST_NS, Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
 from imu_allan.timeline.pace import (
@@ -125,6 +125,9 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
             or len(own) < PHASE_GROUP
             or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):
         return pace
+    if pace.interval_ns < FASTEST_NS:
+        decision.use_receive('too fast')
+        return _pace_of(other, own, bursts=True)
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
     # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
     # samples; beyond, the other clock shows no losses either.

@@ -21,7 +21,7 @@ import numpy as np
 
 Clock = Literal['header', 'receive']
 
-_FASTEST_NS = 5e4
+FASTEST_NS = 5e4
 """No IMU samples at more than 20 kHz: microseconds were written as nanoseconds, for example."""
 
 
@@ -153,7 +153,7 @@ class Decision(Record):
 
     def take_pace(self, pace: Pace, one_clock: bool) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
-        if not _FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
+        if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             clock, self.clock = self.clock, None
             advance = f'advance by {pace.interval_ns / SECOND:.3g} s from'
             raise ImuAllanError(

@@ -6,9 +6,12 @@ from itertools import pairwise
 
 from characterized import B, characterized, K, N, several, simulated
 from imu_allan.characterization.axis import characterize
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.stationarity import short_powers, steadiness
 import numpy as np
 import pytest
+from repeated import slow
 
 RATE = 100.0
 SENSOR = {N: 1e-3, B: 1e-3}
@@ -59,3 +62,50 @@ def test_white_noise_that_changes_hides_no_random_walk():
     shown = [[axis.coefficients[K].observable for axis in several(some, RATE)]
              for some in (records, louder)]
     assert shown == [[True] * 6] * 2
+
+
+@pytest.mark.parametrize(('samples', 'from_', 'ratio'), [
+    (320, 0.3, 0.5), (1000, 0.5, 2.0), (2000, 0.9, 2.0), (6000, 0.7, 0.5), (12_000, 0.3, 1.3),
+    (30_000, 0.5, 1.3)])
+def test_a_short_record_says_that_its_noise_changes(samples, from_, ratio):
+    record = simulate(SENSOR, samples, RATE, 1)
+    even = characterize(record, RATE)
+    at = round(from_ * samples)
+    record[at:] *= ratio
+    axis, remarks = characterized(record, RATE)
+    assert 'not_steady' in remarks
+    assert not axis.stationarity.steady
+    first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
+    assert last.noise_density / first.noise_density == pytest.approx(ratio, rel=0.3)
+    assert last.start_s + last.duration_s == pytest.approx(samples / RATE)
+    low, high = axis.coefficients[N].ci95
+    narrow = even.coefficients[N].ci95
+    assert high / low > narrow[1] / narrow[0]
+
+
+def alarms(kind, samples, seeds, period=10**6, lost=0):
+    """Count the records whose noise seems to change, with so many samples lost of each period."""
+    said = 0
+    for seed in seeds:
+        record = simulate({N: 1e-3, **SHORT[kind]}, samples + 31, RATE, seed)
+        if kind == 'warm-up':
+            record += 0.5 * np.exp(-5 * np.arange(len(record)) / samples)
+        if kind == 'coarse':
+            record = np.rint(record / 0.02) * 0.02
+        if kind == 'low-pass':
+            record = np.convolve(record, np.ones(32) / 32, 'valid')
+        estimator = Estimator()
+        for first in range(0, samples, period):
+            estimator.update(record[first:min(first + period - lost, samples)])
+            estimator.skip(lost)
+        powers = short_powers(estimator.finished().periodogram)
+        said += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
+    return said
+
+
+@pytest.mark.parametrize(('draws', 'most'), [
+    ([(1000, range(15)), (9000, range(15)), (9000, range(5), 25, 6), (9000, range(5), 60, 8)], 0),
+    slow([(samples, range(100, 400)) for samples in (300, 1000, 9000, 30_000)], 11)])
+@pytest.mark.parametrize('kind', SHORT)
+def test_short_records_whose_noise_stays_the_same_hardly_ever_say_otherwise(kind, draws, most):
+    assert sum(alarms(kind, *of) for of in draws) <= most
