@@ -34,7 +34,6 @@ from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
 from imu_allan.recordings.options import RecordingOptions
 import numpy as np
-from numpy.typing import NDArray
 
 _HEAD = 3    # bytes before each message: marker and type
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
@@ -44,8 +43,6 @@ _FIELDS = {
     'GYR': ImuFields(_GYRO, None, _SAMPLED, what='as logged'),
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged')}
 
-_Kind = tuple[Ints, np.dtype[Any]]
-"""Offsets of the complete messages of one type, and their layout after the head."""
 
 
 class ArduPilotRecording(TableLog):
@@ -84,8 +81,8 @@ class ArduPilotRecording(TableLog):
         if base == 'IMU':
             self.remark('filtered')
 
-    def _located(self) -> dict[str, _Kind]:
-        """Locate the IMU messages in the file."""
+    def _located(self) -> dict[str, tuple[Ints, np.dtype[Any]]]:
+        """Locate the complete IMU messages, by type; return their offsets and layout."""
         try:
             from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
         except ImportError:
@@ -127,28 +124,22 @@ class ArduPilotRecording(TableLog):
         return kinds
 
     def _tables(self, base: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather messages; yield topic name, records and bytes consumed."""
-        for kind, found in self._kinds.items():
+        """Gather messages, some thousand at a time; yield topic, records and bytes consumed."""
+        data = np.memmap(self._stored, np.uint8, 'r')
+        at_a_time = 1 << 14
+        for kind, (places, layout) in self._kinds.items():
             if kind.rstrip('0123456789') != base:
                 continue
             # Before version 4.1 the second IMU had a separate message type, IMU2.
             suffix = int(kind[len(base):] or 1) - 1
-            for rows, position in self._rows(found):
-                numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
-                    len(rows), suffix)
+            for start in range(0, len(places), at_a_time):
+                starts = places[start:start + at_a_time]
+                body = data[starts[:, np.newaxis] + np.arange(_HEAD, _HEAD + layout.itemsize)]
+                rows = body.view(layout)[:, 0]
+                numbers = rows['I'] if 'I' in (layout.names or ()) else np.full(len(rows), suffix)
                 for number in np.unique(numbers).tolist():
                     name = f'{base}.{number}' if number else base
-                    yield name, rows[numbers == number], position
-
-    def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
-        """Gather messages, some thousand at a time; yield them with the bytes consumed."""
-        data = np.memmap(self._stored, np.uint8, 'r')
-        places, layout = kind
-        at_a_time = 1 << 14
-        for start in range(0, len(places), at_a_time):
-            starts = places[start:start + at_a_time]
-            body = data[starts[:, np.newaxis] + np.arange(_HEAD, _HEAD + layout.itemsize)]
-            yield body.view(layout)[:, 0], int(starts[-1])
+                    yield name, rows[numbers == number], int(starts[-1])
 
 
 @contextmanager

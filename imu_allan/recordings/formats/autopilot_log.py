@@ -41,15 +41,15 @@ class TableLog(FileRecording):
             else:
                 self.topics.append(imu)
                 rates[imu.name] = rate_hz
-        choices: dict[tuple[str, ...], float] = {}
-        for name, rate_hz in rates.items():
+        choices: list[tuple[str, ...]] = []
+        for name in rates:
             base, dot, number = name.partition('.')
             other = f'{partner.get(base)}{dot}{number}'
             if other in rates:
-                choices[name, other] = rate_hz
+                choices.append((name, other))
             elif base not in {*partner, *partner.values()}:
-                choices[(name,)] = rate_hz
-        self.preferred = max(choices, key=lambda names: choices[names], default=())
+                choices.append((name,))
+        self.preferred = max(choices, key=lambda names: rates[names[0]], default=())
 
     @abstractmethod
     def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
