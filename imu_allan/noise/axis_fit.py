@@ -97,7 +97,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
         calm = [without(source, posterior, finished)
                 for source, posterior in zip(sources, first, strict=True)]
         again = [number for number, source in enumerate(sources)
-                 if calm[number].differs_from(source)]
+                 if calm[number] is not source and calm[number].differs_from(source)]
         for number, posterior in zip(again, _weighed([calm[number] for number in again], dt, bank),
                                      strict=True):
             first[number] = posterior

@@ -222,7 +222,7 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
     return model.draws.size[most], model.draws.error[most], share / share.sum()
 
 
-def ramp_of(posterior: Posterior, record: RecordSpectrum | None = None) -> Estimate:
+def ramp_of(posterior: Posterior, record: RecordSpectrum | None) -> Estimate:
     """
     Estimate the signed ramp of a single record; several records have no common one.
 
@@ -258,7 +258,7 @@ def ramp_of(posterior: Posterior, record: RecordSpectrum | None = None) -> Estim
                     max(1 - 2 * other, 0.0))
 
 
-def reported_trends(posterior: Posterior, record: RecordSpectrum | None = None
+def reported_trends(posterior: Posterior, record: RecordSpectrum | None
                     ) -> tuple[ReportedTrend, ...]:
     """
     Return the trends of the mean to report, each from its most probable model.

@@ -207,7 +207,7 @@ class AxisBank:
     """Candidate trends at the slowest coefficients of one axis, without those of lines."""
 
     def __init__(self, bank: Bank, record: RecordSpectrum, slowest: int = _SLOWEST) -> None:
-        self.bank, self.record, self._slowest, bins = bank, record, slowest, record.bins
+        self.shared, self.record, self._slowest, bins = bank, record, slowest, record.bins
         slow = bins.whole & (bins.index <= slowest)
         used = slow if record.keep is None else slow & record.keep
         # Which of the slowest coefficients are not part of a line
@@ -217,7 +217,7 @@ class AxisBank:
 
     @cached_property
     def _columns(self) -> list[Array]:
-        return [columns[:, :, self._which] for columns in self.bank.columns]
+        return [columns[:, :, self._which] for columns in self.shared.columns]
 
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
         """Whiten by the spectra `lam` and remove the ramp and the trends in `beside`."""
@@ -226,7 +226,7 @@ class AxisBank:
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
         others = [self._ramp[:, None]]
         if self.record.trends or beside:
-            trends = [*self.record.trends, *waveforms(beside, self.bank.duration_s)]
+            trends = [*self.record.trends, *waveforms(beside, self.shared.duration_s)]
             others.append(regressors(
                 self.record.sections, self.record.dt, trends, self._slowest)[self._which])
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
@@ -236,8 +236,8 @@ class AxisBank:
 
     def columns(self, number: int, values: Array | None = None) -> Array:
         """Return the candidates of a kind along its grid, or at `values`."""
-        return self._columns[number] if values is None else self.bank.regressors(
-            self.bank.kinds[number], values, self._slowest)[:, :, self._which]
+        return self._columns[number] if values is None else self.shared.regressors(
+            self.shared.kinds[number], values, self._slowest)[:, :, self._which]
 
 
 @dataclass(frozen=True)
@@ -293,7 +293,7 @@ class Whitened:
 
         `gains`: along the grid of the kind, for the only noise model.
         """
-        kind, grid = self.bank.bank.kinds[number], self.bank.bank.grids[number]
+        kind, grid = self.bank.shared.kinds[number], self.bank.shared.grids[number]
         values, gains = self._profile(number, gains)
         near = np.exp((gains - gains.max()) / 2)
         # The integral runs over the index, because grid values are equally likely.
@@ -305,7 +305,7 @@ class Whitened:
 
     def _profile(self, number: int, gains: Array) -> tuple[Array, Array]:
         """Return nuisance values of a kind and their gains, refined around the best value."""
-        bank = self.bank.bank
+        bank = self.bank.shared
         kind, values = bank.kinds[number], bank.grids[number]
 
         def gained(at: Array, gains: Array) -> Array:
@@ -387,7 +387,7 @@ class _Search:
         """Yield the trends that are worth fitting, each added to those already chosen."""
         if self._about is None:
             return
-        for number, kind in enumerate(self.bank.bank.kinds):
+        for number, kind in enumerate(self.bank.shared.kinds):
             if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most:
                 continue
             gains = self._about.gains(number)
@@ -445,7 +445,7 @@ def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
 def _climbed(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
              tolerance: float = 0.02) -> tuple[Spectra, Rows, list[Groups]]:
     """Fit rows with their candidates; `of` of a row is the candidate's index."""
-    groups = [search.bank.record.groups(*waveforms(found, search.bank.bank.duration_s))
+    groups = [search.bank.record.groups(*waveforms(found, search.bank.shared.duration_s))
               for search, found in candidates]
     beside = spectra.with_regressors(groups, np.array([search.axis for search, _ in candidates]))
     return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance), groups
@@ -464,7 +464,7 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
         for _ in found:
             first, *others = found
             about = search.bank.about(beside.frequency, lam, others)
-            number = search.bank.bank.kinds.index(first.kind)
+            number = search.bank.shared.kinds.index(first.kind)
             gains = about.gains(number)[0]
             first = about.likeliest(number, gains)
             if last and first.kind.key == 'bias_step' and gains.max() > 30:
@@ -480,8 +480,8 @@ def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found],
              lam: Array) -> Found:
     """Locate a large step by faster coefficients, too, as it would be seen beside its place."""
     for slowest in (8 * _SLOWEST, 64 * _SLOWEST):
-        finer = AxisBank(bank.bank, bank.record, slowest)
-        values = found.value + bank.bank.duration_s / slowest * np.arange(-8, 8.1, 0.5)
+        finer = AxisBank(bank.shared, bank.record, slowest)
+        values = found.value + bank.shared.duration_s / slowest * np.arange(-8, 8.1, 0.5)
         gains = finer.about(frequency, lam, others).gains(number, values)[0]
         found = replace(found, value=float(values[_largest(gains)]))
     return found
