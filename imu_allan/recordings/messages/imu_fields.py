@@ -12,6 +12,7 @@ import re
 
 from imu_allan.errors import brief, ImuAllanError
 from imu_allan.recordings.messages.definitions import Field, Types
+from imu_allan.recordings.options import factor
 
 _TIME = ('sec', 'nanosec')
 
@@ -173,7 +174,7 @@ def found_by_shape(types: Types, type_name: str) -> dict[str, ImuFields]:
             around, stamps=stamps + around.stamps, frame_id=frame_id or around.frame_id,
             temperature=next((f'{path}{name}' for name in (
                 'imu_temperature', 'temperature', 'imu_temp', 'temp')
-                if name in fields and is_number(fields[name])), around.temperature))
+                if name in fields and _is_number(fields[name])), around.temperature))
         halves = ('angular_velocity', 'linear_acceleration')
         if all(_is_vector(types, fields.get(name)) for name in halves):
             covariances = {name: f'{path}{name}[0]' for name, field in fields.items()
@@ -206,11 +207,11 @@ def _components(path: str) -> tuple[str, str, str]:
 def _is_vector(types: Types, field: Field | None) -> bool:
     if field is None or not field.is_message or field.count is not None:
         return False
-    numbers = {part.name for part in types.get(field.kind, ()) if is_number(part)}
+    numbers = {part.name for part in types.get(field.kind, ()) if _is_number(part)}
     return {'x', 'y', 'z'} <= numbers
 
 
-def is_number(field: Field) -> bool:
+def _is_number(field: Field) -> bool:
     """Return whether a field is a single number."""
     return not field.is_message and field.kind != 'string' and field.count is None
 
@@ -232,31 +233,53 @@ def own_clock(types: Types, type_name: str, path: str = '',
     return tuple(stamps), frame_id
 
 
-def vector_of(types: Types, type_name: str, text: str, what: str) -> Vector:
-    """Find what a user names: ``imu.rate`` with x, y, z, ``gyro[0:3]``, or ``gx,gy,gz``."""
+def vector_of(types: Types, type_name: str, text: str, what: str, si_unit: str) -> Vector:
+    """Find the vector that a user names, and perhaps its unit, such as ``imu.rate deg/s``."""
+    path, _, unit = text.strip().partition(' ')
+    return Vector(_three_numbers(types, type_name, path, what),
+                  factor(what, unit.strip() or None, si_unit))
+
+
+def _three_numbers(types: Types, type_name: str, text: str, what: str) -> tuple[str, str, str]:
+    """Find the paths in ``imu.rate``, which has x, y and z, ``gyro[0:3]``, or ``gx,gy,gz``."""
     parts = tuple(part.strip() for part in text.split(','))
     if len(parts) == 3:
         for part in parts:
             number_at(types, type_name, part, what)
-        return Vector((parts[0], parts[1], parts[2]))
+        return parts[0], parts[1], parts[2]
     match = re.fullmatch(r'(.*)\[(\d{1,6}):(\d{1,6})\]', text)
     path = match[1] if match else text
     start, stop = (int(match[2]), int(match[3])) if match else (0, 3)
     field = field_at(types, type_name, path, what)
     if match is None and _is_vector(types, field):
-        return Vector(_components(path))
+        return _components(path)
     is_array = not field.is_message and field.kind != 'string' and field.count is not None
     if not is_array or stop - start != 3 or (field.count and stop > field.count) or (
             match is None and field.count != 3):
         raise ImuAllanError(
             f'{what} {shown(text)}: not three numbers in {shown(type_name)}; name a field with '
             'x, y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz')
-    return Vector((f'{path}[{start}]', f'{path}[{start + 1}]', f'{path}[{start + 2}]'))
+    return f'{path}[{start}]', f'{path}[{start + 1}]', f'{path}[{start + 2}]'
+
+
+def stamp_of(types: Types, kind: str, text: str) -> Stamp:
+    """Find the time that a user names: a number with its unit, or seconds and nanoseconds."""
+    path, _, unit = text.strip().partition(' ')
+    field = field_at(types, kind, path, '--stamp')
+    if field.is_message:
+        if {part.name for part in types.get(field.kind, ())} == {*_TIME}:
+            return Stamp(path)
+        raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
+    unit_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}.get(unit.strip())
+    if unit_ns is None or not _is_number(field):
+        raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
+                            'ns), or a field with seconds and nanoseconds')
+    return Stamp(path, unit_ns)
 
 
 def number_at(types: Types, type_name: str, path: str, what: str) -> None:
     """Raise ImuAllanError unless `path` is a single number."""
-    if not is_number(field_at(types, type_name, path, what)):
+    if not _is_number(field_at(types, type_name, path, what)):
         raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
 
 

@@ -20,17 +20,15 @@ from imu_allan.recordings.messages.imu_fields import (
     field_at,
     found_by_shape,
     ImuFields,
-    is_number,
     number_at,
     own_clock,
     shown,
     split_path,
-    Stamp,
-    Vector,
+    stamp_of,
     vector_of,
 )
 from imu_allan.recordings.messages.known_types import KNOWN
-from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
+from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
 """Type names in ROS 2 and ROS 1."""
@@ -191,30 +189,10 @@ def _chosen(types: Types, kind: str, gyro: str | None, accel: str | None, stamp:
     """Return the fields that the user names."""
     stamps, frame_id = own_clock(types, kind)
     if stamp is not None:
-        stamps = (_stamp(types, kind, stamp),)
+        stamps = (stamp_of(types, kind, stamp),)
     return ImuFields(
-        None if gyro is None else _vector(types, kind, gyro, '--gyro', RAD_PER_S),
-        None if accel is None else _vector(types, kind, accel, '--accel', M_PER_S2),
+        None if gyro is None else vector_of(types, kind, gyro, '--gyro', RAD_PER_S),
+        None if accel is None else vector_of(types, kind, accel, '--accel', M_PER_S2),
         stamps, frame_id,
         what='its fields ' + ' and '.join(
             shown(text) for text in (gyro, accel) if text is not None))
-
-
-def _vector(types: Types, kind: str, text: str, option: str, si_unit: str) -> Vector:
-    path, _, unit = text.strip().partition(' ')
-    vector = vector_of(types, kind, path, option)
-    return replace(vector, factor=factor(option, unit.strip() or None, si_unit))
-
-
-def _stamp(types: Types, kind: str, text: str) -> Stamp:
-    path, _, unit = text.strip().partition(' ')
-    field = field_at(types, kind, path, '--stamp')
-    if field.is_message:
-        if {part.name for part in types.get(field.kind, ())} == {'sec', 'nanosec'}:
-            return Stamp(path)
-        raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
-    unit_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}.get(unit.strip())
-    if unit_ns is None or not is_number(field):
-        raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
-                            'ns), or a field with seconds and nanoseconds')
-    return Stamp(path, unit_ns)
