@@ -334,6 +334,8 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
      (pi / 180 / 131, 9.80665 / 2048)),
     ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
      (pi / 180, 1.0)),
+    # Blanks are no unit.
+    ('gyro_x [],gyro_y [ ],gyro_z,accel_x ( ),accel_y (),accel_z', (1.0, 1.0)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
     numbers = ','.join(map(str, range(1, header.count(',') + 2)))
