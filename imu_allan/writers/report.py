@@ -34,36 +34,31 @@ from imu_allan.writers.verdict_lines import findings_line, verdict_lines, VERDIC
 def report_html(result: Result) -> str:
     """Return the report of one result."""
     found, timeline = key_figures.figures_of(result), result.timeline
-    own = [(figures.sensor, axes_of(result, figures.sensor), figures) for figures in found]
-    # Group the charts by kind, each for both sensors.
-    drawn = [*(charts.signal_chart(result, sensor, axes) for sensor, axes, _ in own),
-             *(charts.density_chart(sensor, axes, timeline) for sensor, axes, _ in own),
-             *(charts.drift_chart(sensor, axes, figures.tunings) for sensor, axes, figures in own)]
-    allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes, _ in own]
+    tables = {figures.sensor: axes_of(result, figures.sensor) for figures in found}
+    tunings = {name: tuning for figures in found for name, tuning in figures.tunings.items()}
+    allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes in tables.items()]
+    # Group the other charts by kind, each for both sensors.
+    drawn = [*(charts.signal_chart(result, sensor, axes) for sensor, axes in tables.items()),
+             *(charts.density_chart(sensor, axes, timeline) for sensor, axes in tables.items()),
+             *(charts.drift_chart(sensor, axes, tunings) for sensor, axes in tables.items())]
     remarks = [{'title': title_of(one), 'severity': one.severity,
                 'text': _typeset(message_of(one))} for one in for_display(result.warnings)]
-    constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
+    words = {sensor: VERDICT_TEXT[one.verdict] for sensor, one in sensor_verdicts(result).items()}
     return _page(
         'report.html', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
-        verdict=[_typeset(line) for line in verdict_lines(result)],
-        facts=_facts(result), version=printable(result.imu_allan_version),
-        words={sensor: VERDICT_TEXT[one.verdict]
-               for sensor, one in sensor_verdicts(result).items()},
-        key_figures=found, remarks=remarks, remark_count=findings_line(result),
+        verdict=[_typeset(line) for line in verdict_lines(result)], facts=_facts(result),
+        version=printable(result.imu_allan_version), words=words, key_figures=found,
+        remarks=remarks, remark_count=findings_line(result), timeline=timeline, tables=tables,
         allan=[*filter(None, allan)], charts=[*filter(None, drawn)],
-        rest=wording.duration(timeline.rest_s),
-        constant=wording.named(constant) if constant else '',
-        tables={sensor: axes for sensor, axes, _ in own},
+        constant=wording.named([name for name, axis in result.axes.items() if axis.constant]),
         outlook=key_figures.longer_recording_note(result), cell=_cell, of_segment=_of_segment,
-        mean=key_figures.written_mean, rest_s=timeline.rest_s,
-        tunings=[(name, result.axes[name], tuning) for figures in found
-                 for name, tuning in figures.tunings.items()],
-        parts={sensor: known for sensor, axes, _ in own if (known := {
+        mean=key_figures.written_mean, configs=_configs(result),
+        tunings=[(name, result.axes[name], tuning) for name, tuning in tunings.items()],
+        parts={sensor: known for sensor, axes in tables.items() if (known := {
             name: axis for name, axis in axes.items()
             if axis.stationarity is not None and axis.stationarity.segments})},
         aiding=f'{key_figures.AIDING_S:g} s', coast=wording.duration(key_figures.COAST_S),
-        calibration=wording.duration(key_figures.CALIBRATION_S),
-        uncertain=key_figures.UNCERTAIN, timeline=timeline, configs=_configs(result),
+        calibration=wording.duration(key_figures.CALIBRATION_S), uncertain=key_figures.UNCERTAIN,
         noisy={name: axis for name, axis in result.axes.items() if not axis.constant})
 
 

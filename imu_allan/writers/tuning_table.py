@@ -30,7 +30,7 @@ from rich.text import Text
 TUNED, MEASURED, TENFOLD = 'tuned', 'as measured', 'ten times K'
 
 
-def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
+def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias
             ) -> list[dict[str, Any]]:
     """
     Return the sets of numbers for a filter, with the expected performance of each, as for JSON.
@@ -53,8 +53,7 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
             for name, tuning in found.items()]
 
 
-def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
-                 ) -> Group:
+def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias) -> Group:
     """Return one table per sensor, with the axes that have a drift model."""
     parts: list[RenderableType] = [Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
@@ -162,8 +161,7 @@ def forecast_table(result: Result) -> Group:
                       f'{duration(CALIBRATION_S)} before:'), table)
 
 
-def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias = 'random_walk'
-                     ) -> Group:
+def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> Group:
     """Return a table of how filters with the numbers of one recording performed in another."""
     def factor_of(found: tuple[float, Interval]) -> str:
         value, (low, high) = found
@@ -210,8 +208,7 @@ def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias)
             'bias': bias, 'axes': axes}
 
 
-def field_test_document(found: Mapping[str, FieldTest], bias: Bias = 'random_walk'
-                        ) -> dict[str, Any]:
+def field_test_document(found: Mapping[str, FieldTest], bias: Bias) -> dict[str, Any]:
     """Return the content of the table on another recording as plain data."""
     second = 'random_walk' if bias == 'random_walk' else 'sigma'
     rows: dict[str, Any] = {}
