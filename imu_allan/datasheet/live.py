@@ -3,7 +3,7 @@
 """A check of a unit on the test bench that ends as soon as the verdict is certain."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from imu_allan.characterization import Characterization
 from imu_allan.datasheet.measured import hidden_by_steps
@@ -111,16 +111,12 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, limited: int, recorded_s:
         'below': ('pass', f'below {verdict.specified}, certain {after}'),
         'above': ('fail', f'above {verdict.specified}, certain {after}'),
         'near': ('cannot tell', f'within {100 * MARGIN:.0f} % of {verdict.specified} {after}')}
-    outcome, reason = said[decision]
-    return replace(verdict, verdict=outcome,
-                   reason=f'{verdict.axis} {verdict.symbol}: {reason}'), True
+    return verdict.judged(*said[decision]), True
 
 
 def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
-    if verdict.verdict == 'fail' and verdict.value is None:
-        return verdict
-    return replace(verdict, verdict='cannot tell',
-                   reason=f'{verdict.axis} {verdict.symbol}: {why}')
+    faulty = verdict.verdict == 'fail' and verdict.value is None
+    return verdict if faulty else verdict.judged('cannot tell', why)
 
 
 def next_look(samples: int) -> int:

@@ -59,6 +59,10 @@ class Verdict:
     verdict: Outcome
     reason: str
 
+    def judged(self, verdict: Outcome, why: str) -> 'Verdict':
+        """Return the comparison with another outcome, and why it has that."""
+        return replace(self, verdict=verdict, reason=f'{self.axis} {self.symbol}: {why}')
+
 
 def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0) -> list[Verdict]:
     """Compare a result with a specification; nothing passes that is shorter than `shortest_s`."""
@@ -70,8 +74,8 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0)
     recorded = result.timeline.rest_s
     if recorded < shortest_s:
         short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
-        verdicts = [replace(v, verdict='cannot tell', reason=f'{v.axis} {v.symbol}: {short}')
-                    if v.verdict == 'pass' else v for v in verdicts]
+        verdicts = [one.judged('cannot tell', short) if one.verdict == 'pass' else one
+                    for one in verdicts]
     return verdicts
 
 
