@@ -88,8 +88,6 @@ def _result_given(given: Path, file: Path) -> ImuAllanError:
                          f'{what}')
 
 
-
-
 def _is_split(files: Sequence[Path]) -> bool:
     """Return whether names differ in their numbers alone, and one begins where another ends."""
     names = {re.sub(r'(_\d+)?\.(mcap|db3)(\.zstd)?$', '', file.name) for file in files}

@@ -44,7 +44,6 @@ _FIELDS = {
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged')}
 
 
-
 class ArduPilotRecording(TableLog):
     """An ArduPilot log; raises ImuAllanError if pymavlink is missing or cannot read it."""
 

@@ -327,8 +327,6 @@ def _converted(name: str, unit: str, si_unit: str, example: str) -> float:
                             f"another unit, as in '{example}'") from error
 
 
-
-
 # ------------------------------------------------------------------------------------------- cells
 
 def cells_of(header: str) -> tuple[str | None, list[str]]:

@@ -90,7 +90,6 @@ class SqliteRecording(FileRecording):
 
     def _open(self, log: Path | None) -> None:
         """List the topics; tolerate damage only if the file cannot be read otherwise."""
-        reason: Exception
         try:
             if log is None:
                 self._note_missing_end()
@@ -101,16 +100,15 @@ class SqliteRecording(FileRecording):
                     pass
             definitions = self._described()
         except (sqlite3.Error, OSError) as error:
-            reason = error
             if log is not None:
                 self.remark('unfinished_recording', fault='unusable', file=printable(log.name),
-                            reason=printable(reason))
+                            reason=printable(error))
             self._tolerant = True
             try:
                 definitions = self._described()
             except sqlite3.Error:
                 raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
-                                    f'({printable(reason)})') from reason
+                                    f'({printable(error)})') from error
         for name, kind in self._kinds.items():
             self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
         with suppress(sqlite3.Error), self._database() as database:
