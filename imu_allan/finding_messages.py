@@ -87,6 +87,7 @@ class _Formatter(Formatter):
         if form == 'if':
             return rest if most(value) else ''
         if form == 'one':
+            # What stands before the bar is for one, what follows it for several.
             return rest.partition('|')[0 if most(value) == 1 else 2]
         if form == 'each':
             each = value if isinstance(value, Span) else (value,)
