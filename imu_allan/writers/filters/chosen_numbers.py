@@ -35,7 +35,6 @@ def times(factor: float) -> Scale:
     return lambda value: value * factor
 
 
-
 @dataclass(frozen=True)
 class ExportOptions:
     """
