@@ -125,7 +125,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
             or len(own) < PHASE_GROUP
             or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):
         return pace
-    if pace.interval_ns < FASTEST_NS:
+    if pace.interval_ns <= FASTEST_NS:
         decision.use_receive('too fast')
         return _pace_of(other, own, bursts=True)
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)

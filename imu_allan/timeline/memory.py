@@ -21,8 +21,8 @@ import numpy as np
 
 Clock = Literal['header', 'receive']
 
-FASTEST_NS = 5e4
-"""No IMU samples at more than 20 kHz: microseconds were written as nanoseconds, for example."""
+FASTEST_NS = 2.5e4
+"""No IMU samples at more than 32 kHz: microseconds were written as nanoseconds, for example."""
 
 
 @dataclass
