@@ -62,7 +62,7 @@ class Setting:
 
     @property
     def kind(self) -> str:
-        """What ROS has to give as its value."""
+        """Say in words what ROS has to give as its value."""
         return {int: 'a whole number', str: 'a text', tuple: 'a list of texts',
                 float: f'a number with a decimal point, such as {self.default!r}'
                 }[type(self.default)]

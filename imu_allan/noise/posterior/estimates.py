@@ -69,7 +69,7 @@ class Estimate:
 
     @property
     def interval(self) -> Interval:
-        """The 95 % interval."""
+        """Return the 95 % interval."""
         return self.low, self.high
 
 
