@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import os
 import signal
 import sys
+from threading import Timer
 from typing import Any
 
 EXIT_INTERRUPTED = 130
@@ -49,12 +50,20 @@ def interruptible() -> Iterator[None]:
         _came.append(number)
         raise KeyboardInterrupt
 
+    def raise_again(ignored: 'sys.UnraisableHookArgs') -> None:
+        # Raised in a callback, such as those of an import, an interrupt would be lost.
+        if isinstance(ignored.exc_value, KeyboardInterrupt):
+            Timer(0.01, signal.raise_signal, [_came[-1]]).start()
+        else:
+            report(ignored)
+
     usual: dict[int, Any] = {
         signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
     numbers = [number for number, handler in usual.items() if signal.getsignal(number) == handler]
     _came.clear()
     for number in numbers:
         signal.signal(number, interrupt)
+    report, sys.unraisablehook = sys.unraisablehook, raise_again
     try:
         yield
     except Exception:
@@ -63,6 +72,7 @@ def interruptible() -> Iterator[None]:
             raise SystemExit(exit_status()) from None
         raise
     finally:
+        sys.unraisablehook = report
         for number in numbers:
             signal.signal(number, usual[number])
         # After an interrupt within `exec`, as dataclasses call it, CPython would end the process

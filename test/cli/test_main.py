@@ -176,6 +176,26 @@ def test_a_signal_ends_the_command_without_a_word_and_leaves_nothing_behind(tmp_
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_a_callback_which_python_ignores_comes_again(number):
+    done = python('-c', """
+import os, sys, time
+from imu_allan.interruption import exit_status, interruptible
+class Callback:
+    def __del__(self):
+        os.kill(os.getpid(), int(sys.argv[1]))
+        time.sleep(0.1)
+try:
+    with interruptible():
+        Callback()
+        time.sleep(0.1)
+        print('lost')
+except KeyboardInterrupt:
+    sys.exit(exit_status())
+""", str(int(number)))
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, '', '')
+
+
 @pytest.mark.parametrize(('module', 'recordings'), [
     ('imu_allan.cli.main', 1), ('numpy', 1), ('mcap', 1), ('scipy', 1),
     ('scipy', 2)])
