@@ -77,12 +77,17 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                                                  'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
-def draw_terms(panel: 'Axes', axis: AxisResult) -> None:
-    """Draw the line of each term, its slope, and a ring where it is read."""
+def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | None = None) -> None:
+    """
+    Draw the line of each term, its slope, and a ring where it is read.
+
+    `truth`: coefficients in SI units, drawn instead; examples/allan_variance_study compares so.
+    """
     curve = axis.curve
     if not curve.tau_s:
         return
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
+    shown = curves.coefficients_of(axis) if truth is None else truth
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
@@ -94,19 +99,19 @@ def draw_terms(panel: 'Axes', axis: AxisResult) -> None:
             _draw_soft(panel, tau[seen], line[seen], dashes)
         return seen
 
-    for line, place, name in curves.other_noise(axis, tau):
+    for line, place, name in curves.other_noise(axis, tau) if truth is None else ():
         if len(seen := draw(line, (0, (6, 1)))):
             place = seen[np.argmin(np.abs(seen - place))]
             _name(panel, axis, (tau[place], line[place]), name, taken)
     slopes = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
     read_at = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
                'rate_ramp': '√2 s'}
-    for key, value in curves.coefficients_of(axis).items():
+    for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
         if not len(seen := draw(line, _DASHES[key])):
             continue
-        at = curves.reading_point(term, axis, tau)
+        at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
         slope = f'slope {slopes[term.slope]}'
         if tau[0] <= at <= tau[-1] and low < height < high:
