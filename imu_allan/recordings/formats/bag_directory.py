@@ -135,8 +135,9 @@ class BagDirectory(Recording):
             spellings = name, f'{name}.zstd', name.removesuffix('.zstd')
             return next(filter(Path.is_file, map(self.path.joinpath, spellings)), None)
 
-        found = [file for file in map(stored, names) if file is not None]
-        missing = [name for name in names if stored(name) is None]
+        files = [*map(stored, names)]
+        found = [file for file in files if file is not None]
+        missing = [name for name, file in zip(names, files, strict=True) if file is None]
         if missing:
             listed = ', '.join(brief(name) for name in missing[:10])
             if not found:
