@@ -8,7 +8,10 @@ import os
 import signal
 import sys
 from threading import Timer
-from typing import Any
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 EXIT_INTERRUPTED = 130
 """128 + SIGINT, as shells report the signal."""
@@ -46,14 +49,22 @@ def interruptible() -> Iterator[None]:
 
     Either is left alone if it is ignored or handled elsewhere.
     """
-    def interrupt(number: int, _: object) -> None:
+    def interrupt(number: int, frame: 'FrameType | None') -> None:
         _came.append(number)
+        while frame:
+            if frame.f_code is raise_again.__code__:
+                later()
+                return
+            frame = frame.f_back
         raise KeyboardInterrupt
 
+    def later() -> None:
+        Timer(0.01, signal.raise_signal, [_came[-1]]).start()
+
     def raise_again(ignored: 'sys.UnraisableHookArgs') -> None:
-        # Raised in a callback, such as those of an import, an interrupt would be lost.
+        # Raised in a callback, such as those of an import, an interrupt would be lost; here, too.
         if isinstance(ignored.exc_value, KeyboardInterrupt):
-            Timer(0.01, signal.raise_signal, [_came[-1]]).start()
+            later()
         else:
             report(ignored)
 

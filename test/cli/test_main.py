@@ -5,6 +5,7 @@ from pathlib import Path
 import re
 import shlex
 import signal
+import statistics
 import subprocess
 import sys
 
@@ -24,21 +25,29 @@ CHOICE = 'invalid choice: {} (choose from <words>)'
 NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
 
 
-@pytest.mark.parametrize(('words', 'heavy', 'cpu_s'), [
+@pytest.mark.parametrize(('words', 'heavy', 'most'), [
     (['--help'], 'numpy scipy matplotlib rich rosbags mcap pint jinja2 yaml rclpy distributed',
-     0.2), (['explain'], 'scipy', 9.0), (['info', '.'], 'scipy', 9.0)])
-def test_a_verb_waits_for_nothing_heavy_that_it_does_not_need(recording, words, heavy, cpu_s):
+     2.5), (['explain'], 'scipy', 50), (['info', '.'], 'scipy', 50)])
+def test_a_verb_waits_for_nothing_heavy_that_it_does_not_need(recording, words, heavy, most):
     code = ('import atexit, sys\n'
             'atexit.register(lambda: print({*sys.argv[1].split()} & {*sys.modules}))\n'
             'from imu_allan.cli.main import main\nmain(sys.argv[2:])')
-    # The first time, modules may be compiled.
-    for _ in range(2):
+
+    def cpu_s(*arguments):
         before = os.times()
-        answer = python('-c', code, heavy, *words, cwd=recording, check=True)
+        answer = python('-c', *arguments, cwd=recording, check=True)
         after = os.times()
+        return sum(after[2:4]) - sum(before[2:4]), answer
+
+    spent = []
+    # Computers differ by a factor of five, in seconds but not in imports of Python's own.
+    for _ in range(5):
+        verb_s, answer = cpu_s(code, heavy, *words)
+        spent.append((verb_s, cpu_s('import asyncio')[0]))
     assert answer.stderr == ''
     assert answer.stdout.endswith('\nset()\n')
-    assert sum(after[2:4]) - sum(before[2:4]) < cpu_s
+    verb_s, imports_s = map(statistics.median, zip(*spent, strict=True))
+    assert verb_s < most * imports_s
 
 
 @pytest.mark.parametrize('verb', VERBS)
@@ -176,11 +185,20 @@ def test_a_signal_ends_the_command_without_a_word_and_leaves_nothing_behind(tmp_
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize('slow_s', [0.0, 0.05])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_during_a_callback_which_python_ignores_comes_again(number):
+def test_a_signal_during_a_callback_which_python_ignores_comes_again(number, slow_s):
     done = python('-c', """
 import os, sys, time
+from imu_allan import interruption
 from imu_allan.interruption import exit_status, interruptible
+class Timer(interruption.Timer):
+    slow_s = [float(sys.argv[2])]
+    def start(self):
+        super().start()
+        if self.slow_s:
+            time.sleep(self.slow_s.pop())
+interruption.Timer = Timer
 class Callback:
     def __del__(self):
         os.kill(os.getpid(), int(sys.argv[1]))
@@ -192,7 +210,7 @@ try:
         print('lost')
 except KeyboardInterrupt:
     sys.exit(exit_status())
-""", str(int(number)))
+""", str(int(number)), slow_s)
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, '', '')
 
 
