@@ -279,11 +279,9 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
         # 1e-5 of the range is far below what a plot shows, and short in JSON.
         digits = max(0, 5 - floor(log10(spread))) if spread > 0 else 17
-        low, mean, high = (
-            tuple(None if np.isnan(value) else round(value + reference, digits)
-                  for value in rows[axis].tolist())
-            for rows in (columns.low, columns.mean, columns.high))
-        signals.append(Signal(columns.width * dt, low, mean, high))
+        rows = np.stack((columns.low[axis], columns.mean[axis], columns.high[axis])) + reference
+        shown = np.where(np.isnan(rows), None, rows.round(digits)).tolist()
+        signals.append(Signal(columns.width * dt, *map(tuple, shown)))
     return signals
 
 

@@ -22,7 +22,7 @@ def fitted(parts: Iterable[tuple[Characterization, Half | None, Sequence[Finding
     results: list[tuple[Half | None, Result]] = []
     fits: Fits = {}
     for characterization, half, remarks in parts:
-        result, found = characterization.fitted(remarks)
+        result, found, _ = characterization.fitted(remarks)
         results.append((half, result))
         fits |= {name: fit for name, fit in found.items() if name.startswith(half or '')}
     return with_words(united(results)), fits

@@ -62,11 +62,11 @@ def joint_result(recordings: Sequence[Characterization],
         raise ImuAllanError('a joint result needs at least two recordings')
     parts, start_s = [], 0.0
     for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
-        record = recording.record()
+        result, fits, record = recording.fitted(own)
         if record is None:
             raise ImuAllanError(f'{recording.path}: holds no usable sample; leave it out')
-        parts.append(_Part(str(recording.path), start_s, record, *recording.fitted(own)))
-        start_s += parts[-1].result.timeline.duration_s
+        parts.append(_Part(str(recording.path), start_s, record, result, fits))
+        start_s += result.timeline.duration_s
     _agree(parts)
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))

@@ -242,8 +242,9 @@ class Characterization:
         """
         return self.fitted(remarks)[0]
 
-    def fitted(self, remarks: Iterable[Finding] = ()) -> tuple[Result, Fits]:
-        """Return the result, as `result` does, and the fits of all axes behind it."""
+    def fitted(self, remarks: Iterable[Finding] = ()
+               ) -> tuple[Result, Fits, FinishedRecord | None]:
+        """Return the result, as `result` does, and the fits of all axes and data behind it."""
         twin = self.snapshot()
         try:
             twin.finish()
@@ -273,12 +274,12 @@ class Characterization:
             summary.timeline, {}, tuple(given))
         if record is None:
             unknown = (finding('unknown_rate'),) if twin._memory.groups else ()
-            return replace(result, warnings=(*result.warnings, *unknown)), {}
+            return replace(result, warnings=(*result.warnings, *unknown)), {}, None
         axes, found, fits = _fitted_axes(record)
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
             turn_on_bias=spread_of_means(self._memory.power_ons, axes, record),
-            temperature=shown(record.groups[0].heat)), fits
+            temperature=shown(record.groups[0].heat)), fits, record
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""

@@ -52,7 +52,7 @@ def check_state(stream: Characterization | Mapping[str, Characterization],
     halves = {'': stream} if isinstance(stream, Characterization) else stream
     if result is None or fits is None:
         [alone] = halves.values()
-        own, fits = alone.fitted()
+        own, fits, _ = alone.fitted()
         result = result or own
     verdicts = check(result, specification, shortest_s=shortest_s)
     recorded = float('inf')
