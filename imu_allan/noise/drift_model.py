@@ -10,9 +10,9 @@ processes. It is fitted to the part of the same spectrum that the terms describe
 
 Where the record is not informative, two measures keep the model safe. The weight of a half-octave
 is limited to what a misfit of 10 % allows. Also, its power is shrunk towards a fit of white noise,
-flicker and random walk. That fit is the mean of the best one and the one with the largest random
-walk that the record allows. No trend is fitted: it does not improve predictions reliably, and
-ruins those from short records.
+flicker and random walk. That fit is the mean of the best one and one whose random walk is a
+standard error larger. No trend is fitted: it does not improve predictions reliably, and ruins
+those from short records.
 
 References
 ----------
@@ -27,7 +27,7 @@ from functools import cache, partial
 from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.posterior.maximum import maximise, Solution
-from imu_allan.noise.record.groups import Groups, QUANTIZATION, RANDOM_WALK, WHITE
+from imu_allan.noise.record.groups import FLICKER, Groups, QUANTIZATION, RANDOM_WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
@@ -166,28 +166,13 @@ def _shrunk(band: Groups, terms: Solution) -> Groups:
 
 
 def _most_random_walk(band: Groups, best: Solution) -> Solution:
-    """Fit the terms with the random walk at its upper one-sigma limit (likelihood ratio 1)."""
-    def held(random_walk: float) -> Solution:
-        fixed = {QUANTIZATION: 0.0, RANDOM_WALK: random_walk**2}
-        return maximise(band, best.theta, fixed=fixed, tolerance=1e-3)
-
-    def excess(solution: Solution) -> float:
-        return 2 * (solution.loss - best.loss) - 1
-
-    low = float(np.sqrt(best.theta[RANDOM_WALK]))
-    # The random walk that explains the slowest coefficient alone sets the scale of the search.
-    slowest = float(band.power[0] / band.design[0, RANDOM_WALK])
-    high = max(2 * low, 1e-3 * np.sqrt(slowest), 1e-150)
-    while excess(upper := held(high)) < 0:
-        low, high = high, 2 * high
-    for _ in range(12):
-        middle = (low + high) / 2
-        upper = held(middle)
-        gone_too_far = excess(upper)
-        if abs(gone_too_far) < 0.05:
-            break
-        low, high = (low, middle) if gone_too_far > 0 else (middle, high)
-    return upper
+    """Fit the terms with the random walk one standard error above its best value."""
+    columns = band.design[:, [WHITE, FLICKER, RANDOM_WALK]] / (band.design @ best.theta)[:, None]
+    scale = np.sqrt(np.sum(band.dof[:, None] * columns**2 / 2, axis=0))
+    columns /= scale
+    inverse = np.linalg.pinv(columns.T @ (band.dof[:, None] * columns / 2))
+    most = best.theta[RANDOM_WALK] + float(np.sqrt(inverse[2, 2])) / scale[2]
+    return maximise(band, best.theta, fixed={QUANTIZATION: 0.0, RANDOM_WALK: most}, tolerance=1e-3)
 
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
@@ -205,11 +190,6 @@ def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
         return of[seen[2:]], found._replace(theta=found.theta[seen])
 
     times, solution = there(times, fitted(times))
-    # Merge the first two neighbours within a third of a decade.
-    close = np.flatnonzero(np.diff(np.log10(times)) < 1 / 3)
-    if len(close):
-        times, start = _joined(times, solution.theta, int(close[0]))
-        times, solution = there(times, fitted(times, start))
     # Each process is a filter state and costs time; a fifth one improved no recording tried.
     while len(times) > 4:
         theta = solution.theta
