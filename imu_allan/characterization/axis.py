@@ -280,8 +280,9 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
         # 1e-5 of the range is far below what a plot shows, and short in JSON.
         digits = max(0, 5 - floor(log10(spread))) if spread > 0 else 17
         rows = np.stack((columns.low[axis], columns.mean[axis], columns.high[axis])) + reference
-        shown = np.where(np.isnan(rows), None, rows.round(digits)).tolist()
-        signals.append(Signal(columns.width * dt, *map(tuple, shown)))
+        shown = rows.round(digits).astype(object)
+        shown[np.isnan(rows)] = None
+        signals.append(Signal(columns.width * dt, *map(tuple, shown.tolist())))
     return signals
 
 
