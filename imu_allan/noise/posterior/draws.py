@@ -21,7 +21,8 @@ from scipy.special import chdtri, gammaln, ndtri
 _TAILS = 6.0
 """Degrees of freedom of the multivariate t distribution that draws are taken from."""
 _FEWEST_DRAWS = 10.0
-"""Effective sample size below which a few draws dominate and the weights are tempered."""
+"""Effective sample size below which a few draws dominate: the weights are flattened to their roots,
+and the evidence remains that of Laplace."""
 
 
 @dataclass(frozen=True)
@@ -72,29 +73,15 @@ def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
     for number, (x, each, size, error) in enumerate(zip(*(
             np.split(array, ends[:-1]) for array in (many.x, -log_t - loss, *of_mean)),
             strict=True)):
-        top = float(each.max())
-        weight = np.exp(each - top)
-        share = weight / weight.sum()
-        evidence = float(rows.prior[number]) + top + float(np.log(weight.mean()))
-        if 1 / float(share @ share) < _FEWEST_DRAWS:
-            share, evidence = _tempered(each - top), float(rows.evidence[number])
-        drawn.append(Draws(x, share, evidence, size, error))
+        # The limit lets halves of the logarithms become equal, whatever they are.
+        log_weight = np.maximum(each - each.max(), -600.0)
+        weight = np.exp(log_weight)
+        evidence = float(rows.prior[number] + each.max() + np.log(weight.mean()))
+        while weight.sum()**2 < _FEWEST_DRAWS * float(weight @ weight):
+            log_weight, evidence = log_weight / 2, float(rows.evidence[number])
+            weight = np.exp(log_weight)
+        drawn.append(Draws(x, weight / weight.sum(), evidence, size, error))
     return drawn
-
-
-def _tempered(log_weight: Array) -> Array:
-    """Raise weights to the highest power below 1 that leaves `_FEWEST_DRAWS` effective draws."""
-    low, high = 0.0, 1.0
-    share = np.full(len(log_weight), 1 / len(log_weight))
-    for _ in range(20):
-        power = (low + high) / 2
-        weight = np.exp(power * log_weight)
-        weight /= weight.sum()
-        if 1 / float(weight @ weight) < _FEWEST_DRAWS:
-            high = power
-        else:
-            low, share = power, weight
-    return share
 
 
 @lru_cache(maxsize=64)
