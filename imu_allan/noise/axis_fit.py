@@ -23,7 +23,7 @@ from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
 from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends.leakage import detrended, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
-from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycles, without_lines
+from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycle, without_lines
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import Tone
 import numpy as np
@@ -219,8 +219,8 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform],
                     bank: Bank) -> list[_Source]:
     """Remove strong cycles, including those found on other axes, and slow lines."""
-    found = strong_cycles([source.record.with_trends(beside) for source in sources],
-                          [lines_hz(source.lines) for source in sources], bank)
+    found = [strong_cycle(source.record.with_trends(beside), lines_hz(source.lines), bank)
+             for source in sources]
     known = [1 / one.period_s for one in found if one is not None]
     left = []
     for source, own in zip(sources, found, strict=True):

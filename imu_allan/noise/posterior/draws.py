@@ -21,7 +21,7 @@ from scipy.special import chdtri, gammaln, ndtri
 _TAILS = 6.0
 """Degrees of freedom of the multivariate t distribution that draws are taken from."""
 _FEWEST_DRAWS = 10.0
-"""Effective sample size below which a few draws dominate: the weights are flattened to their roots,
+"""Effective sample size below which a few draws dominate: their weights are flattened to roots,
 and the evidence remains that of Laplace."""
 
 

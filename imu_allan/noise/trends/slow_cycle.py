@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.prepared_spectra import of_slower_half, smoothed
-from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, RANDOM_WALK
@@ -41,31 +40,25 @@ class SlowCycle:
         return 1 / self.cycle.frequency_hz
 
 
-def strong_cycles(records: Sequence[RecordSpectrum], lines_hz: Sequence[Sequence[float]],
-                  bank: Bank) -> list[SlowCycle | None]:
+def strong_cycle(whole: RecordSpectrum, lines_hz: Sequence[float], bank: Bank
+                 ) -> SlowCycle | None:
     """
-    Find and remove the cycle of each axis, if it is significant.
+    Find and remove the cycle of an axis, if it is significant.
 
-    `lines_hz`: of each axis; those too fast for a cycle are no part of one. `bank`: trends to look
+    `lines_hz`: of the axis; those too fast for a cycle are no part of one. `bank`: trends to look
     for.
     """
     if bank.duration_s == 0:
-        return [None] * len(records)
-    return [_strong_cycle(record, [hz for hz in lines if hz > _fastest(record)], bank)
-            for record, lines in zip(records, lines_hz, strict=True)]
-
-
-def _strong_cycle(whole: RecordSpectrum, fast_hz: Sequence[float], bank: Bank) -> SlowCycle | None:
-    record = without_lines(whole, fast_hz)
+        return None
+    record = without_lines(whole, [hz for hz in lines_hz if hz > _fastest(whole)])
     noise = of_slower_half(record.groups())
     frequency_hz = _likeliest(record, noise, bank)
     variance = _expected(whole.bins, noise)
-    # Continue only with harmonics that are unlikely by chance, or with an outlier.
-    if _chance(record, variance, frequency_hz) > 1e-3 and not _has_outlier(record, noise):
+    # Continue only with harmonics that are unlikely by chance.
+    if _chance(record, variance, frequency_hz) > 1e-3:
         return None
-    # Fit the frequency first with one harmonic, then with four.
-    for few in (1, 4):
-        frequency_hz = harmonics.refined(record, variance, frequency_hz, few).frequency_hz
+    # Fit the frequency first with four harmonics.
+    frequency_hz = harmonics.refined(record, variance, frequency_hz, 4).frequency_hz
     # A strict significance level, because many frequencies are tried.
     certain = 1e-11
     # Most candidates are chance, which shows when only the tested harmonics are removed.
@@ -120,20 +113,6 @@ def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
     ratio = np.maximum(smoothed(groups, groups.power, expected) / expected, 1.0)
     return np.asarray(_expected(record.bins, noise) * np.exp(np.interp(
         np.log(record.bins.frequency), np.log(groups.frequency), np.log(ratio))))
-
-
-def _has_outlier(record: RecordSpectrum, noise: Array) -> bool:
-    """Return whether a slow coefficient is an outlier of the fitted terms, or a line."""
-    groups = record.groups()
-    expected = _expected(groups, noise)
-    ratio = about_mean(groups)(expected).noise / expected
-    slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
-    # A coefficient this unlikely by chance justifies a search for a cycle.
-    if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
-              < 1e-5):
-        return True
-    slow_bins = record.bins.whole & (record.bins.frequency < _fastest(record))
-    return record.keep is not None and not record.keep[slow_bins].all()
 
 
 def _fastest(record: RecordSpectrum) -> float:
