@@ -378,11 +378,9 @@ WORDS: Mapping[str, Words] = {
         do='record for longer', live='wait, or let it run overnight'),
     'poor_fit': Words(
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
-        'Spectrum or curve leave the model by more than chance.',
-        says=('from averaging times of {leaves_at_s:time} on the curve leaves the band of the '
-              'model',
-              'no sum of noise terms describes this spectrum: the best is off by '
-              '{misfit_share:%}'),
+        'The spectrum leaves the model by more than chance.',
+        says='no sum of noise terms describes this spectrum: the best is off by '
+             '{misfit_share:%}',
         do='look for vibration, or a filter in the sensor or driver', brief='no noise model fits'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',

@@ -26,14 +26,12 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
-from imu_allan.noise.uncertainty import below_curve, CERTAIN, leaves_at
+from imu_allan.noise.uncertainty import below_curve, CERTAIN
 from imu_allan.result import (
     AxisResult,
     Coefficient,
     Curve,
     Deadband,
-    DriftModel,
-    GaussMarkov,
     GoodnessOfFit,
     Interval,
     PowerLaw,
@@ -194,23 +192,15 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         coefficients |= {
             key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
             for key in SLOW_TERMS}
-    # The joint curve of several records also holds the trends of each.
-    leaves_s = None if (
-        fitted.mean_moves or fitted.high_pass_hz or found.record is None) else leaves_at(
-            points, axis, curve, [_model(found, drift), _model(found, None)], dt)
-    if leaves_s is not None and fitted.acceptable:
-        # The model does not follow the curve at long averaging times.
-        remarks.append(finding('poor_fit', leaves_at_s=leaves_s))
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
     frequency = found.whole.frequency
     passed = () if fitted.passed is None else tuple(np.interp(frequency, *fitted.passed).tolist())
-    described = fitted.acceptable and leaves_s is None
     return with_model_curve(replace(
         base, band_limit_s=fitted.window_s, band_edge_hz=fitted.edge_hz,
         high_passed_hz=fitted.high_pass_hz, tones=tuple(found.lines), coefficients=coefficients,
-        goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit, described), curve=curve,
-        drift_model=drift, gauss_markov=process, power_law=fitted.power_law,
+        goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit, fitted.acceptable),
+        curve=curve, drift_model=drift, gauss_markov=process, power_law=fitted.power_law,
         spectrum=Spectrum(tuple(frequency.tolist()), tuple(density.tolist()), passed),
         trend=fitted.trend, stationarity=parts, coarse_step=step if coarse else None)), remarks
 
@@ -284,24 +274,6 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
         shown[np.isnan(rows)] = None
         signals.append(Signal(columns.width * dt, *map(tuple, shown.tolist())))
     return signals
-
-
-def _model(found: AxisFit, drift: DriftModel | None) -> FittedModel:
-    """
-    Return the whole fitted model, reported or not: the drift model if there is one, or the terms.
-
-    The drift model covers what the terms may miss at the slow end; with a power law they miss
-    nothing.
-    """
-    fitted = found.fit
-    values = fitted.values
-    processes: tuple[GaussMarkov, ...] = (fitted.gauss_markov,) if fitted.gauss_markov else ()
-    if drift is not None and fitted.power_law is None:
-        values = {'quantization_noise': values['quantization_noise'],
-                  'noise_density': drift.noise_density,
-                  'rate_random_walk': drift.rate_random_walk}
-        processes = drift.processes
-    return FittedModel(values, fitted.passed, processes, tuple(found.lines), fitted.power_law)
 
 
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],

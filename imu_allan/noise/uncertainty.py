@@ -3,24 +3,22 @@
 """
 Sources of uncertainty of the coefficients of an axis that its posterior does not include.
 
-The measured curve limits the noise at the slow end, and shows where a model deviates from it. A
-sensor that was rotated shows spurious slow terms, and undetected sample loss changes the noise
-density. Recordings of one axis may scatter more than their intervals allow.
+The measured curve limits the noise at the slow end. A sensor that was rotated shows spurious slow
+terms, and undetected sample loss changes the noise density. Recordings of one axis may scatter
+more than their intervals allow.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.arrays import Array
 from imu_allan.block import NEIGHBOURS
-from imu_allan.noise.allan_deviation import interval, Octaves
-from imu_allan.noise.fitted_model import FittedModel, with_model_curve
+from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.terms import SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve
 import numpy as np
 
 CERTAIN = 0.9998
-"""Level of the interval that must contain the model: 1 point in 5000 is outside by chance."""
+"""Level of the interval that limits the terms: 1 point in 5000 lies outside by chance."""
 
 
 def bounded(axis: AxisResult) -> AxisResult:
@@ -90,26 +88,6 @@ def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> 
     if not known.any():
         return None
     return float(np.min(highest[known] / TERMS[key].adev(1.0, tau[known])))
-
-
-def leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float
-              ) -> float | None:
-    """
-    Return the first averaging time at which the curve contradicts all models, or None.
-
-    Only the slow end is tested: it has too few residuals of the spectrum to show a misfit, while
-    they do test the fast end. A drift model is vague about fast noise in a short record, so the
-    fitted terms must contradict the curve as well.
-    """
-    dof = np.array(curve.edf)
-    low, high = interval(points.avar[:, axis], dof, CERTAIN)
-    # Points with more degrees of freedom do not belong to the slow end.
-    outside = dof < 64
-    for model in models:
-        adev = np.sqrt(model.allan_variance(points.size, dt))
-        # A distance of 5 % from the interval is too small to matter.
-        outside &= (adev < 0.95 * low) | (adev > 1.05 * high)
-    return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 
 def widened_interval(found: Coefficient, factor: float) -> Coefficient:

@@ -97,11 +97,6 @@ class AxisReport:
             likely['bias_instability'] = 0.0
         return likely
 
-    @property
-    def mean_moves(self) -> bool:
-        """Whether the mean moves in a way that the noise terms do not describe."""
-        return self.random_walk_unclear or self.bias_step is not None or self.trend != Trend()
-
     def bounded(self, *keys: str) -> 'AxisReport':
         """Return the report with some of the terms as upper bounds."""
         bounds = {key: replace(self.estimates[key], observable=False) for key in keys}
