@@ -22,7 +22,7 @@ from imu_allan.noise.posterior.level_change import Change, STEADY
 from imu_allan.noise.posterior.likelihood import LOW, Rows, Spectra
 from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.search import best_of, fast_ends, KEPT, search_models
+from imu_allan.noise.posterior.search import best_of, KEPT, search_models
 from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found
@@ -200,27 +200,7 @@ def _refitted(fitted: Fitted, factors: Sequence[Array]) -> Fitted:
     spectra = fitted.spectra.with_dof(fitted.spectra.dof / divisors[fitted.axes])
     own = again[fitted.axis]
     rows = Rows.joined([fitted.rows.take(~own), maximise_rows(spectra, fitted.rows.take(own))])
-    found = replace(fitted, spectra=spectra, rows=rows)
-    # Weigh the fast ends as before. Where groups hardly count any more, white noise without a
-    # filter would fit them.
-    full, reduced = _best_by_end(fitted), _best_by_end(found)
-    more = np.array([full[end] - reduced[end] for end in _ends(found)])
-    return replace(found, rows=replace(
-        rows, evidence=rows.evidence + more, prior=rows.prior + more))
-
-
-def _best_by_end(fitted: Fitted) -> dict[tuple[int, ...], float]:
-    """Return the largest evidence for each axis and fast end of the spectrum."""
-    found: dict[tuple[int, ...], float] = {}
-    for end, evidence in zip(_ends(fitted), fitted.rows.evidence.tolist(), strict=True):
-        found[end] = max(found.get(end, -np.inf), evidence)
-    return found
-
-
-def _ends(fitted: Fitted) -> list[tuple[int, ...]]:
-    """Return the axis and the fast end of each row."""
-    return [(axis, *end) for axis, end in zip(
-        fitted.axis.tolist(), fast_ends(fitted.rows), strict=True)]
+    return replace(fitted, spectra=spectra, rows=rows)
 
 
 def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:

@@ -183,16 +183,10 @@ def _edges(nu: Array) -> Iterator[int]:
 
 def _ends(rows: Rows) -> Rows:
     """Return the best row for each of the five best fast ends, given rows with the best first."""
-    seen: dict[tuple[int, ...], int] = {}
-    for i, end in enumerate(fast_ends(rows)):
-        seen.setdefault(end, i)
-    return rows.take([*seen.values()][:5])
-
-
-def fast_ends(rows: Rows) -> list[tuple[int, ...]]:
-    """Return what describes the fast end of the spectrum: the shapes, the filter and the edge."""
     family = np.where(rows.has[:, LOW], rows.family, -1)
-    return [*map(tuple, np.column_stack((family, rows.edge, rows.has[:, FAST])).tolist())]
+    ends = np.column_stack((family, rows.edge, rows.has[:, FAST]))
+    first = np.unique(ends, axis=0, return_index=True)[1]
+    return rows.take(np.sort(first)[:5])
 
 
 def _slow_noises(spectra: Spectra, start: Start, ends: Rows) -> Iterator[Model]:
