@@ -21,8 +21,8 @@ from scipy.special import chdtri, gammaln, ndtri
 _TAILS = 6.0
 """Degrees of freedom of the multivariate t distribution that draws are taken from."""
 _FEWEST_DRAWS = 10.0
-"""Effective sample size below which a few draws dominate: their weights are flattened to roots,
-and the evidence remains that of Laplace."""
+"""Effective sample size below which a few draws dominate: their weights are raised to a power
+below 1, and the evidence remains that of Laplace."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
     for number, (x, each, size, error) in enumerate(zip(*(
             np.split(array, ends[:-1]) for array in (many.x, -log_t - loss, *of_mean)),
             strict=True)):
-        # The limit lets halves of the logarithms become equal, whatever they are.
+        # Within the limit, powers of the weights become equal soon.
         log_weight = np.maximum(each - each.max(), -600.0)
         weight = np.exp(log_weight)
         evidence = float(rows.prior[number] + each.max() + np.log(weight.mean()))
         while weight.sum()**2 < _FEWEST_DRAWS * float(weight @ weight):
-            log_weight, evidence = log_weight / 2, float(rows.evidence[number])
+            log_weight, evidence = 0.8 * log_weight, float(rows.evidence[number])
             weight = np.exp(log_weight)
         drawn.append(Draws(x, weight / weight.sum(), evidence, size, error))
     return drawn
