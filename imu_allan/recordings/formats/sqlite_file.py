@@ -227,8 +227,8 @@ class SqliteRecording(FileRecording):
             else:
                 if len(rows) == held:
                     return
-            read += len(rows) - held
             sure = max(len(rows) - self._unsure, 0)
+            read += sure
             stamps, messages = self._columns(rows[:sure], malformed)
             rows = rows[sure:]
             if not messages:

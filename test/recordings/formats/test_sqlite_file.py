@@ -73,6 +73,7 @@ def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     assert remarks[0] == said(path, 'truncated_recording', fault='database',
                               missing_bytes=len(whole) - left, bytes=len(whole),
                               severity='act' if share < 0.5 else 'know')
+    assert all(one.values['read'] == len(after) for one in remarks[1:])
 
 
 @pytest.mark.parametrize(('share', 'severity'), [(0.3, 'act'), (0.7, 'know')])
