@@ -4,6 +4,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -147,7 +148,11 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
         rows.append(('unusable', failure))
     else:
         summary = stage.summary()
-        rows += _timeline_rows(summary, topic, untimed=recording.untimed)
+        # A column that the table lacks is reported as such, not as one without numbers.
+        told = {(remark.code, remark.axes) for remark in recording.remarks}
+        rows += _timeline_rows(replace(summary, remarks=tuple(
+            remark for remark in summary.remarks if (remark.code, remark.axes) not in told)),
+            topic, untimed=recording.untimed)
         constant = [name for name, there, changes in zip(
             AXES, summary.present, changed, strict=True) if there and not changes]
         if count > 1 and constant:

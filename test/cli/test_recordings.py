@@ -118,6 +118,8 @@ def test_a_table_without_times_is_counted_in_short_lines(tmp_path, output_of, mo
     monkeypatch.setenv('COLUMNS', '50')
     shown = output_of('info', path, '--rate', '100Hz').splitlines()
     assert '  constant    gyro y: every sample is the same' in shown
+    assert 'gyro z: left out: the table has no such' in '\n'.join(shown)
+    assert 'NaN' not in '\n'.join(shown)
     clock = shown.index('  clock       none: samples are counted at the')
     assert shown[clock + 1] == '              stated rate'
     assert max(map(len, shown[1:])) <= 50

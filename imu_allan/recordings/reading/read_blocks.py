@@ -91,7 +91,7 @@ def _with_progress(
         why = next((f' ({remark.values["first"]})' for remark in recording.remarks
                     if remark.code == 'malformed_messages'
                     and remark.values.get('topic') == printable(topic)), '')
-        what = ('no line of samples: see what it holds with imu_allan info' if topic == NO_TOPIC
+        what = ('no line of samples below the names of the columns' if topic == NO_TOPIC
                 else f'topic {printable(topic)} holds no readable message{why}; --topic names '
                 'another')
         raise ImuAllanError(f'{printable(recording.path)}: {what}')

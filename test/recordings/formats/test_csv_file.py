@@ -181,7 +181,7 @@ EIGHT_FIELDS = (
      'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
-    *((f'time_s,gyro_x\n{blank}', 'no line of samples: see what it holds with imu_allan info')
+    *((f'time_s,gyro_x\n{blank}', 'no line of samples below the names of the columns')
       for blank in ('', '\n', ' \n\n')),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
