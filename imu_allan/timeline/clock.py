@@ -16,7 +16,6 @@ from imu_allan.timeline.memory import Decision, FASTEST_NS, Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
 from imu_allan.timeline.pace import (
-    follow_a_beat,
     longest_at_one_rate,
     measure_pace,
     Pace,
@@ -131,8 +130,8 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
     # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
     # samples; beyond, the other clock shows no losses either.
-    if (pace.hidden > 0.3 or (follow_a_beat(own) if pace.counting else
-                              pace.spread < 0.05 and _is_full(own, pace.interval_ns))):
+    if pace.hidden > 0.3 or pace.beat or (
+            not pace.counting and pace.spread < 0.05 and _is_full(own, pace.interval_ns)):
         return pace
     second = _pace_of(other, own, bursts=True)
     if second is not None and pace.counting and second.counting:

@@ -50,6 +50,7 @@ class Pace:
     counting: bool = False
     # Share of all samples, lost ones included, that may be lost without showing in the stamps.
     hidden: float = 0.0
+    beat: bool = False  # whether stamps are those of a timer that reads a slower sensor
     messages: int = 0  # stamps from which the first pace of a recording was measured
 
 
@@ -75,8 +76,9 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         grid = _best_grid(time, steps, overall)
     else:
         grid = _on_grid(time, steps, overall)
-    if grid is None or _is_tick(stamps, steps, grid.interval_ns) or _is_beat(time, grid):
-        return _on_a_line(time)[0]
+    beat = grid is not None and _is_beat(time, grid)
+    if grid is None or beat or _is_tick(stamps, steps, grid.interval_ns):
+        return replace(_on_a_line(time)[0], beat=beat)
     # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
     if grid.interval_ns < 0.37 * overall:
         # Too many places are empty to be interpolated.
@@ -142,25 +144,13 @@ def _is_tick(stamps: Stamps, steps: Array, interval: float) -> bool:
     return bool(fewest >= 2 and most == fewest + 1)
 
 
-def follow_a_beat(stamps: Stamps) -> bool:
-    """Return whether stamps are those of a timer that reads a slower sensor."""
-    time = (stamps - stamps[0]).astype(np.float64)
-    steps = np.diff(time)
-    if len(steps) < PHASE_GROUP or steps.min() < 0:
-        return False
-    even = _even_with_outages(steps)
-    grid = (_best_grid(time, steps, median_interval(time, min(len(steps) // 4, PHASE_GROUP)))
-            if even is None else _on_grid(time, steps, even))
-    return grid is not None and _is_beat(time, grid)
-
-
 def _is_beat(time: Array, grid: Pace) -> bool:
     """Return whether the empty places of a grid are of a timer that reads a slower sensor."""
     # Clocks that are read when the timer fires show that time, although no sample is lost. The
     # places per message then vary by at most one, as 16 random losses do once in 100,000 times.
     # Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
     steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
-    if grid.spread > 0.05 or steps.min() < 0:
+    if grid.spread > 0.05:
         return False
     steps //= max(int(np.gcd.reduce(steps)), 1)
     long = np.flatnonzero(steps > np.floor(steps.mean()))
