@@ -65,12 +65,13 @@ class Content(Record):
     def _alone_is_coarse(self, samples: Array) -> bool:
         """Return whether only one axis changes, and repeats its values by chance."""
         alone = np.flatnonzero(self.changed)
+        if len(alone) != 1:
+            return False
         steps = np.abs(np.diff(np.clip(samples[:, alone[0]], -LARGEST, LARGEST)))
         made = steps[steps > 0]
         # At the limit, the noise is two steps of the output, and repeats one value in eight. An
         # axis that has stopped is as it was.
-        return len(alone) == 1 and (
-            bool(np.median(made) < 2.5 * made.min()) if len(made) else not self.settled)
+        return bool(np.median(made) < 2.5 * made.min()) if len(made) else not self.settled
 
     def has_no_repeats(self, samples: Array) -> bool:
         """Return quickly whether more repeats than by chance are excluded."""

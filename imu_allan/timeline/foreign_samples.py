@@ -22,7 +22,8 @@ def alternates(samples: Array) -> bool:
     if blocks < 8 or not there.any():
         return False
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
-    enough = _enough_axes(known)
+    # Two sensors differ in most axes, hum is in one or two.
+    enough = min(3, (known.shape[1] + 1) // 2)
     # Interpolated axes are left out: there, nearly every second sample is the mean of its
     # neighbours.
     bends = np.abs(np.diff(known, 2, axis=0))
@@ -45,12 +46,6 @@ def alternates(samples: Array) -> bool:
     swing = np.abs(np.mean(magnitude[:, ::2] - magnitude[:, 1::2], axis=(0, 1)))
     found &= swing > 0.05 * magnitude.mean(axis=(0, 1))
     return bool(np.count_nonzero(found) >= enough)
-
-
-def _enough_axes(known: Array) -> int:
-    """Return how many axes must show two sensors: they differ in most axes, hum in one or two."""
-    enough: int = min(3, (known.shape[1] + 1) // 2)
-    return enough
 
 
 def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:

@@ -41,7 +41,8 @@ def usable(memory: Memory, window: Window) -> Messages:
     repeats = memory.content.look(window.samples, c, all_usable)
     if decision.clock is None:
         _decide(memory, window, repeats)
-        _seek_second_publisher(memory, window, repeats)
+        if alternates(window.samples[~(repeats.held | repeats.frozen)]):
+            decision.remarks['several_publishers'] = {}
     counts = memory.counts
     faulty = counts.header.add(window.header_ns[:c])
     counts.receive.add(window.receive_ns[:c])
@@ -89,12 +90,6 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
     memory.counts.receive.first_ns = int(window.receive_ns[0])
     twice = _twice(memory, window, stamps_of(memory, window)[0])
     measure_first_pace(memory, window, repeats, twice)
-
-
-def _seek_second_publisher(memory: Memory, window: Window, repeats: Repeats) -> None:
-    """Look for a second publisher."""
-    if alternates(window.samples[~(repeats.held | repeats.frozen)]):
-        memory.decision.remarks['several_publishers'] = {}
 
 
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:

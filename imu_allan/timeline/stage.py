@@ -100,13 +100,11 @@ class TimelineStage(Record):
 
     def summary(self) -> TimelineSummary:
         """Summarize all messages so far, including those still held back."""
-        stage, motion = self, self._memory.motion
-        if self._memory.pending.blocks or (motion is not None and motion.held):
-            stage = self.copy()
-            try:
-                stage.flush()
-            except ImuAllanError:
-                stage = self
+        stage = self.copy()
+        try:
+            stage.flush()
+        except ImuAllanError:
+            stage = self
         return summarize(stage._memory)
 
     @property

@@ -108,15 +108,10 @@ class Windows(Record):
             if (change > _PLAUSIBLE_CHANGE).any():
                 sigma = segment.loudness ** 1.5
                 sigma = np.maximum(sigma[:, :6], sqrt(self.part) * sigma[:, 6:])
-                beyond[lag:] |= _implausible(
-                    change, np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size))
+                white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size)
+                # A noisy mean changes by chance, but not by ten of its standard deviations.
+                beyond[lag:] |= ((change > _PLAUSIBLE_CHANGE) & (change > 10.0 * white)).any(axis=1)
         return beyond[first:]
-
-
-def _implausible(change: Array, white: Array) -> Bools:
-    """Find changes of means too large for a sensor at rest; `white` is their white noise."""
-    # The mean of a noisy sensor changes by chance, but not by ten standard deviations.
-    return np.asarray(np.any((change > _PLAUSIBLE_CHANGE) & (change > 10.0 * white), axis=-1))
 
 
 def describe(rows: Array, part: int) -> tuple[Array, Array]:
