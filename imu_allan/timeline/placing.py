@@ -36,18 +36,15 @@ _FOLLOWED = 0.01
 def _are_even(memory: Memory, messages: Messages) -> bool:
     """Return whether usable messages are one interval apart, the usual case."""
     cursor, decision = memory.cursor, memory.decision
-    stamps, consumed, interval = messages.stamps, messages.consumed, decision.pace.interval_ns
+    consumed, interval = messages.consumed, decision.pace.interval_ns
     if (not consumed or messages.void.any() or cursor.fresh_run or cursor.other_rate
             or decision.pace.counting or decision.counted_only):
         return False
-    first = int(stamps[0]) - cursor.last_ns
-    steps = stamps[1:] - stamps[:-1]
-    least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
-    return bool(
-        least < first < most
-        and (not len(steps) or (least < steps.min() and steps.max() < most))
-        and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
-        < 4 * interval)
+    steps = np.diff(messages.stamps, prepend=cursor.last_ns)
+    passed = int(messages.stamps[consumed - 1]) - cursor.last_ns
+    return bool(steps.min() > (1 - EVEN_JITTER) * interval
+                and steps.max() < (1 + EVEN_JITTER) * interval
+                and abs(passed - consumed * interval) < 4 * interval)
 
 
 def place(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
@@ -197,10 +194,8 @@ def _put(memory: Memory, messages: Messages, steps: Ints) -> list[EvenBlock]:
     if new_run:
         _begin_run(memory, int(stamps[0]), int(messages.other[0]), interval)
         steps[0] = 1
-        memory.tail = np.empty((0, 6))
-    reference = int(stamps[0]) if new_run else cursor.last_ns
     known, places = steps[:c], int(steps[:c].sum())
-    elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
+    elapsed = stamps[:c] - (cursor.last_ns - cursor.elapsed_ns)
     left_out_ns = left_out = 0
     if places == c:
         blocks = [EvenBlock(messages.samples[:c], cursor.index + 1, new_run=new_run,
@@ -259,16 +254,16 @@ def _advance(memory: Memory, messages: Messages, late: Array, passed_ns: int, pl
 def _begin_run(memory: Memory, stamp: int, other: int, interval: float) -> None:
     """Continue the time at the first message of a run, by the clock that did not jump."""
     cursor = memory.cursor
-    cursor.fresh_run, jumped = False, cursor.jumped
-    cursor.jumped = False
-    if cursor.first_ns is None:
-        cursor.first_ns = stamp
-        return
     passed = stamp - cursor.last_ns
-    if jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+    if cursor.first_ns is None:
+        cursor.first_ns, passed = stamp, 0
+    elif cursor.jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
         passed = other - cursor.other_ns
         if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
             passed = round(interval)
     if passed > (memory.options.gap_tolerance + 1.5) * interval:
         memory.counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
     cursor.elapsed_ns += passed
+    cursor.last_ns = stamp
+    cursor.fresh_run = cursor.jumped = False
+    memory.tail = np.empty((0, 6))

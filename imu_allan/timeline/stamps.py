@@ -66,10 +66,8 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
     start, newest = 0, last
     while start < n:
         part = stamps[start:]
-        before = np.empty(len(part), dtype=np.int64)
-        before[0] = np.iinfo(np.int64).min if newest is None else newest
-        before[1:] = part[:-1]
-        np.maximum.accumulate(before, out=before)
+        first = np.iinfo(np.int64).min if newest is None else newest
+        before = np.maximum.accumulate(np.append(first, part[:-1]))
         ahead = part > before
         behind = np.flatnonzero(~ahead)
         keep[start:] = ahead
@@ -85,10 +83,9 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
 
 def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
     """Find the first of many messages in a row that lie behind the newest stamp but go forward."""
-    if len(behind) < _JUMP_MESSAGES:
-        return None
-    far = behind[_JUMP_MESSAGES - 1:] - behind[:len(behind) - _JUMP_MESSAGES + 1]
-    for first in behind[:len(far)][far == _JUMP_MESSAGES - 1]:
+    further = _JUMP_MESSAGES - 1
+    in_a_row = behind[further:] - behind[:-further] == further
+    for first in behind[:-further][in_a_row]:
         run = stamps[first:first + _JUMP_MESSAGES]
         if np.count_nonzero(np.diff(run) > 0) > _JUMP_MESSAGES // 2:
             return int(first)

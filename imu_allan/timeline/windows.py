@@ -110,7 +110,8 @@ class Windows(Record):
                 sigma = np.maximum(sigma[:, :6], sqrt(self.part) * sigma[:, 6:])
                 white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size)
                 # A noisy mean changes by chance, but not by ten of its standard deviations.
-                beyond[lag:] |= ((change > _PLAUSIBLE_CHANGE) & (change > 10.0 * white)).any(axis=1)
+                beyond[lag:] |= np.any(
+                    change > np.maximum(_PLAUSIBLE_CHANGE, 10.0 * white), axis=1)
         return beyond[first:]
 
 
