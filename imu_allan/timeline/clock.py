@@ -97,11 +97,10 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
         return
     measured = SECOND / pace.interval_ns
     if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / pace.messages:
-        clock, decision.clock = decision.clock, None
         raise ImuAllanError(
             f'the stated rate is {options.rate_hz:g} Hz, but the '
-            f'{"times" if one else f"{clock} stamps"} advance at {measured:.6g} Hz. Leave '
-            f'out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
+            f'{"times" if one else f"{decision.clock} stamps"} advance at {measured:.6g} Hz. '
+            f'Leave out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
             'or force the stated rate (analyze --clock none)')
 
 
@@ -191,10 +190,9 @@ def _pace_of(stamps: Stamps, other: Stamps | None, bursts: bool, each: bool = Fa
 def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
     """Return whether messages, repeats among them, come without losses."""
     pace = _pace_of(stamps, other, bursts)
-    if pace is None or pace.counting:
-        return pace is not None and pace.hidden < 0.01
     # However uneven the polls are, all of them are there.
-    return _is_full(stamps, pace.interval_ns)
+    return pace is not None and (
+        pace.hidden < 0.01 if pace.counting else _is_full(stamps, pace.interval_ns))
 
 
 def _is_full(stamps: Stamps, interval_ns: float) -> bool:

@@ -46,7 +46,7 @@ def _hidden_error(decision: Decision) -> float:
 
 
 def _short_error(counts: Counts, decision: Decision) -> float:
-    error = decision.rate_error(counts.paced_steps) if decision.pace.counting else 0.0
+    error = decision.pace.batch / max(counts.paced_steps, 1) if decision.pace.counting else 0.0
     return error if error > 0.005 else 0.0
 
 

@@ -3,7 +3,6 @@
 """The state of a timeline: its counts, its decisions, and its position on the grid."""
 
 from dataclasses import dataclass, field
-from math import sqrt
 from typing import Any, Literal
 
 from imu_allan.arrays import Array
@@ -137,10 +136,6 @@ class Decision(Record):
     # Reasons for decisions that the user should know: figures by the code of a finding.
     remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
-    def rate_error(self, steps: int) -> float:
-        """Bound the relative error of a rate over `steps`: stamps are uniform within a batch."""
-        return sqrt(12) * self.pace.spread / max(steps, 1)
-
     @property
     def separates_equal_stamps(self) -> bool:
         """Whether messages with equal stamps are distinguished by their values."""
@@ -154,19 +149,18 @@ class Decision(Record):
     def take_pace(self, pace: Pace, one_clock: bool) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
         if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
-            clock, self.clock = self.clock, None
-            advance = f'advance by {pace.interval_ns / SECOND:.3g} s from'
-            raise ImuAllanError(
-                f'the times {advance} sample to sample, as those of no IMU do: mend them or their '
-                'unit (analyze --columns, --stamp)' if one_clock else
-                f'the {clock} stamps {advance} message to message, as those of no IMU do: choose '
-                'the other clock (analyze --clock)')
+            stamps, what, mend = (
+                ('times', 'sample', 'mend them or their unit (analyze --columns, --stamp)')
+                if one_clock else
+                (f'{self.clock} stamps', 'message', 'choose the other clock (analyze --clock)'))
+            raise ImuAllanError(f'the {stamps} advance by {pace.interval_ns / SECOND:.3g} s from '
+                                f'{what} to {what}, as those of no IMU do: {mend}')
         self.set_pace(pace)
 
     def set_pace(self, pace: Pace) -> None:
         """Adopt a pace without checking it."""
         self.pace = pace
-        self.first_interval_ns = self.first_interval_ns or pace.interval_ns
+        self.first_interval_ns = pace.interval_ns
 
 
 @dataclass

@@ -6,7 +6,7 @@ Messages at another rate than the first ones: whether to look for them, and wher
 Another rate that lasts is left out. One that is within 2 %, or brief, changes N by 1 % at most.
 """
 
-from math import pi, sqrt
+from math import pi
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.timeline.options import RATE_TOLERANCE
@@ -24,7 +24,7 @@ def may_change(stamps: Stamps, steps: Ints, pace: Pace, tolerated: int) -> bool:
     short = ~_gaps(passed, counted, tolerated, pace)
     elapsed, places = float(passed[short].sum()) / pace.interval_ns, int(counted[short].sum())
     # They differ by more than jitter explains, or many places are empty.
-    width = sqrt(12) * pace.spread if pace.counting else 0.0
+    width = pace.batch if pace.counting else 0.0
     if (abs(elapsed - places) > 4 + width + 0.003 * n
             or places - np.count_nonzero(short) > 0.25 * n):
         return True
@@ -61,7 +61,7 @@ def rate_changes(places: Array, pace: Pace, other_rate: bool) -> list[tuple[int,
     block = PHASE_GROUP
     if pace.counting:
         # A block of 16 batches: one more or less changes the rate by 6 %.
-        block = max(4 * block, round(16 * sqrt(12) * pace.spread))
+        block = max(4 * block, round(16 * pace.batch))
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
     off = [not _on_rate(places[first:last], pace.counting)

@@ -53,6 +53,11 @@ class Pace:
     beat: bool = False  # whether stamps are those of a timer that reads a slower sensor
     messages: int = 0  # stamps from which the first pace of a recording was measured
 
+    @property
+    def batch(self) -> float:
+        """Intervals over which stamps scatter, as those of a batch do evenly."""
+        return sqrt(12) * self.spread
+
 
 def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     """Measure the sample interval of increasing stamps; None for fewer than two."""

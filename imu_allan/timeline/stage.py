@@ -16,7 +16,7 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.intake import usable
-from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.memory import Decision, Memory
 from imu_allan.timeline.messages import Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
@@ -145,7 +145,12 @@ class TimelineStage(Record):
         return 8192 if 16_384 * interval_ns > 20 * SECOND else 16_384
 
     def _process(self, window: Window) -> list[EvenBlock]:
-        return self._at_rest(place(self._memory, usable(self._memory, window)))
+        try:
+            return self._at_rest(place(self._memory, usable(self._memory, window)))
+        except ImuAllanError:
+            # Nothing is decided yet: the next messages may be usable.
+            self._memory.decision = Decision(self._memory.decision.frame_id)
+            raise
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
         """Leave out motion, or only detect it; pass blocks on until an interval is known."""

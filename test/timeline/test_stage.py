@@ -270,6 +270,18 @@ def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
         assert summary.measured_rate_hz == 100.0
 
 
+def test_of_refused_stamps_nothing_is_reported():
+    block, place = still(5000), np.arange(5000)
+    # A FIFO is read every ten samples.
+    batches = START_NS + place // 10 * 100_000_000 + place % 10 * 3000
+    stage = TimelineStage(TimelineOptions(clock='header', rate_hz=200.0))
+    with refused('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave out '
+                 'the rate, choose the other clock (analyze --clock), or force the stated rate '
+                 '(analyze --clock none)'):
+        stage.push(replace(block, header_ns=batches))
+    assert not stage.summary().remarks
+
+
 @pytest.mark.parametrize('other_hz', [110.0, 50.0])
 def test_a_rate_change_half_way_is_reported_and_the_other_rate_left_out(other_hz):
     first, then = still(30_000), still(20_000, other_hz, seed=1)
