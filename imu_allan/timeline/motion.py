@@ -8,6 +8,7 @@ it is judged against the level of rest, and then kept, or cut out with a margin.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import inf, log
 
 from imu_allan.arrays import Bools, runs
@@ -94,7 +95,6 @@ class MotionDetector(Record):
     """Removes motion and knocks, with a delay of some windows, in constant memory."""
 
     interval_s: float  # sample interval; a window is half a second, at least 25 rows
-    _windows: Windows = field(init=False)
     _level: RestLevel | None = None
     summary: MotionSummary = field(default_factory=MotionSummary)
     turns: SlowTurns = field(default_factory=SlowTurns)  # slow turns, which are not cut out
@@ -102,9 +102,9 @@ class MotionDetector(Record):
     _run_pending: bool = False
     _void: bool = False
 
-    def __post_init__(self) -> None:
-        """Set up empty windows."""
-        self._windows = Windows(self.interval_s)
+    @cached_property
+    def _windows(self) -> Windows:
+        return Windows(self.interval_s)
 
     def forget_means(self) -> None:
         """Compare later means with none from before, as the sensor may have other ones now."""

@@ -64,14 +64,11 @@ class Segment(Record):
         return table[first:last]
 
 
-@dataclass
-class Windows(Record):
+class Windows:
     """The division of rows into windows."""
 
-    interval_s: float  # sample interval; a window is half a second, 25 rows at least
-
-    def __post_init__(self) -> None:
-        """Compute the number of rows in a window."""
+    def __init__(self, interval_s: float) -> None:
+        self.interval_s = interval_s
         # Loudness within parts of 20 ms is of fast noise, between them of slow.
         self.part = max(round(0.02 / self.interval_s), 1)
         # A window shorter than half a second gives its noise less accurately; a longer one cuts

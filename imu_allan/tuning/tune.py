@@ -31,7 +31,7 @@ from imu_allan.noise.gauss_markov_means import mean_variance, on_mean, rest_of_m
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.state_space import above_band
-from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
+from imu_allan.tuning.uncertainty import hidden_variance, upper_of_drift, upper_of_white
 import numpy as np
 
 Bias = Literal['random_walk', 'gauss_markov']
@@ -317,16 +317,12 @@ class Truth:
 
     def upper(self, filters: Filters, horizons: Array) -> Array:
         """Return the upper 95 % end of E(h), shape (horizons, filters)."""
-        total = np.zeros((len(horizons), len(filters.white)))
-        for scale_s, part in self._parts(filters, horizons):
-            if scale_s is None:
-                factor, _ = upper_factors(self.axis, horizons)
-            else:
-                # A process is known by how often it came and went, whatever the horizon. A slow
-                # one is known by how often it exceeded the white noise.
-                _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
-            total = total + part * factor[:, None]
-        return total
+        # A process is known by how often it came and went, whatever the horizon. A slow one is
+        # known by how often it exceeded the white noise.
+        return np.asarray(sum(
+            part * (upper_of_white(self.axis) if scale_s is None else
+                    upper_of_drift(self.axis, np.maximum(horizons, scale_s))[:, None])
+            for scale_s, part in self._parts(filters, horizons)))
 
     def _parts(self, filters: Filters, horizons: Array) -> Iterator[tuple[float | None, Array]]:
         """Yield the terms of E(h), and the time over which each shows; None for fast noise."""

@@ -64,23 +64,23 @@ def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
                  zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
 
 
-def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
-    """
-    Return the factors from an expected variance to its upper 95 % end, by horizon.
+def upper_of_white(axis: AxisResult) -> float:
+    """Return the factor from the variance of white noise to its upper 95 % end."""
+    # It is known from the whole band, whatever the horizon.
+    best = float(np.max(axis.curve.edf))
+    return best / float(chi_square.lower(0.05, best))
 
-    The first is for white noise, which only the finite record makes uncertain, the second for
-    drift. Both causes rarely reach their ends at once, so their logarithms add in square.
-    """
+
+def upper_of_drift(axis: AxisResult, horizons: Array) -> Array:
+    """Return the factors from an expected variance of drift to its upper 95 % end, by horizon."""
+    # The record is finite, and drift changes. Both causes rarely reach their ends at once, so
+    # their logarithms add in square.
     # At least half a degree of freedom, as for a horizon as long as the record, keeps intervals
     # finite.
     dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
     sampling = np.log(dof / chi_square.lower(0.05, dof))
     # 95 % of a normal distribution lie below 1.645 standard errors.
-    drift = np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])
-    # White noise is known from the whole band, whatever the horizon.
-    best = float(np.max(axis.curve.edf))
-    noise = best / float(chi_square.lower(0.05, np.array([best]))[0])
-    return np.full(len(horizons), noise), np.asarray(np.exp(drift))
+    return np.asarray(np.exp(np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])))
 
 
 def upper_bound(axis: AxisResult, key: str) -> float | None:
