@@ -52,8 +52,7 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
     flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
              'receive': flaw_of(window.receive_ns, repeats, bursts=True)}
     choice = 'header' if options.clock == 'auto' else options.clock
-    # A table or a log has one time per sample, so there is no clock to choose.
-    one = np.array_equal(window.header_ns, window.receive_ns)
+    one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
     if flaws['header'] and options.clock == 'auto' and not (
             one and flaws['header'] == 'out of order'):
         if not flaws['receive']:
@@ -89,13 +88,11 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
         if options.rate_hz is not None:
             decision.set_pace(Pace(SECOND / options.rate_hz))
         return
-    # A table or a log has one time per sample, so there is no clock to choose.
-    one = np.array_equal(window.header_ns, window.receive_ns)
-    decision.take_pace(pace, one)
+    decision.take_pace(pace)
     # Fewer stamps do not give the rate well enough to contradict the stated one.
     if options.rate_hz is None or options.force_rate or pace.messages < PHASE_GROUP:
         return
-    measured = SECOND / pace.interval_ns
+    measured, one = SECOND / pace.interval_ns, decision.one_clock
     if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / pace.messages:
         raise ImuAllanError(
             f'the stated rate is {options.rate_hz:g} Hz, but the '

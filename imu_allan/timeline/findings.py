@@ -80,7 +80,7 @@ def _figures(memory: Memory) -> Figures:
     motion = MotionSummary() if memory.motion is None else memory.motion.summary
     figures = (decision.remarks | _content_figures(counts, memory.content)
                | _clock_figures(memory))
-    clock = 'time' if counts.one_clock else decision.clock
+    clock = 'time' if decision.one_clock else decision.clock
     if counts.clock_jumps:
         figures['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
     if decision.pace.counting:
@@ -141,9 +141,9 @@ def _content_figures(counts: Counts, content: Content) -> Figures:
 
 def _clock_figures(memory: Memory) -> Figures:
     """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
-    counts = memory.counts
+    counts, decision = memory.counts, memory.decision
     # With fewer messages, the lag of the receive stamps hides any difference.
-    if ((memory.options.clock, memory.decision.clock) != ('auto', 'header') or counts.one_clock
+    if ((memory.options.clock, decision.clock) != ('auto', 'header') or decision.one_clock
             or counts.header.last_ns is None or counts.receive.last_ns is None
             or counts.messages < 256):
         return {}

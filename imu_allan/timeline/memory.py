@@ -88,12 +88,6 @@ class Counts(Record):
         """Return the counts of one clock."""
         return self.header if clock == 'header' else self.receive
 
-    @property
-    def one_clock(self) -> bool:
-        """Whether there is one time for each message, as in a table, and no clock to choose."""
-        return (self.header.first_ns, self.header.last_ns) == (
-            self.receive.first_ns, self.receive.last_ns)
-
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
         """Record a gap that is not interpolated."""
         self.gaps += 1
@@ -122,6 +116,8 @@ class Decision(Record):
     clock: Clock | None = None
     # Whether no stamps are usable, so that samples are counted at the stated rate.
     counted_only: bool = False
+    # Whether there is one time for each message, as in a table, and no clock to choose.
+    one_clock: bool = False
     # How stamps advance, following the slow drift of the clock; an interval of one nanosecond
     # means not yet known.
     pace: Pace = Pace(1.0)  # noqa: RUF009
@@ -146,12 +142,12 @@ class Decision(Record):
         self.clock, self.ticks = 'receive', False
         self.remarks['receive_clock'] = {'flaw': flaw}
 
-    def take_pace(self, pace: Pace, one_clock: bool) -> None:
+    def take_pace(self, pace: Pace) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""
         if not FASTEST_NS < pace.interval_ns < 100.0 * SECOND:
             stamps, what, mend = (
                 ('times', 'sample', 'mend them or their unit (analyze --columns, --stamp)')
-                if one_clock else
+                if self.one_clock else
                 (f'{self.clock} stamps', 'message', 'choose the other clock (analyze --clock)'))
             raise ImuAllanError(f'the {stamps} advance by {pace.interval_ns / SECOND:.3g} s from '
                                 f'{what} to {what}, as those of no IMU do: {mend}')

@@ -125,7 +125,7 @@ def _at_one_rate(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
     if decision.first_interval_ns is None:
         pace = measure_pace(messages.stamps)
         if pace is not None:
-            decision.take_pace(pace, np.array_equal(messages.stamps, messages.other))
+            decision.take_pace(pace)
     places, steps = _count(memory, messages)
     c, changes = messages.consumed, [(0, False)]
     tolerated = memory.options.gap_tolerance + 1
