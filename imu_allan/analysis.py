@@ -1,10 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Analysis of recordings, in one module because all ways of reading them begin the same way.
-
-Several recordings of one IMU give one result.
-"""
+"""Analysis of recordings: at once, as if they came live, or several of one IMU as one."""
 
 from __future__ import annotations
 

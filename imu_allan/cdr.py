@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Serialized sensor_msgs/Imu to arrays and back, in one module because both use the same layout.
+Serialized sensor_msgs/Imu to arrays and back.
 
 Messages of equal size are decoded together as rows of one array, without a Python object per
 message. The same decoder serves the topic and every container.

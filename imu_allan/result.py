@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result of a characterization, in one module because it mirrors one JSON schema.
+The result of a characterization, which all writers read and nothing changes.
 
-All writers read it and nothing changes it. The dataclasses mirror the JSON schema
+The dataclasses mirror the JSON schema
 ``imu_allan.result/1`` field by field. All values are in SI units, all times in seconds from the
 first sample. An unknown number is None, never NaN.
 """

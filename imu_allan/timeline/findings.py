@@ -1,11 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Findings about the messages, in one module because they are reported together.
+Findings about stamps, losses, gaps, values and motion.
 
-These are the findings about stamps, losses, gaps and motion. Those about counts are reported above
-a threshold, which stands beside each. Those about decisions, such as the choice of a clock, come
-from clock.py or intake.py, where it is decided.
+Those about counts are reported above a threshold, which stands beside each. Those about decisions,
+such as the choice of a clock, come from clock.py or intake.py, where it is decided.
 """
 
 from collections.abc import Sequence

@@ -50,24 +50,20 @@ def usable(memory: Memory, window: Window) -> Messages:
         replace_header_clock(memory, window)
     stamps, other = stamps_of(memory, window)
     samples, unusable = _values(memory, window, all_usable)
-    twice = _twice(memory, window, stamps) | repeats.held
+    void = repeats.spikes | unusable
+    twice = (_twice(memory, window, stamps) | repeats.held) & ~(void | repeats.frozen)
+    if memory.content.frozen_s is None and repeats.frozen[:c].any():
+        begins = int(stamps[np.argmax(repeats.frozen)])
+        first = counts.of(decision.clock).first_ns
+        memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
     counts.messages += c
+    # Unusable values are not counted as spikes.
+    counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
+    counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
+    counts.duplicates += int(np.count_nonzero(twice[:c]))
     counts.header.last_ns = int(window.header_ns[c - 1])
     counts.receive.last_ns = int(window.receive_ns[c - 1])
-    void = repeats.spikes | unusable
-    left_out = repeats.frozen | twice
-    if void.any() or left_out.any():
-        if memory.content.frozen_s is None and repeats.frozen[:c].any():
-            begins = int(stamps[np.argmax(repeats.frozen)])
-            first = counts.of(decision.clock).first_ns
-            memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
-        # Unusable values are not counted as spikes.
-        counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
-        twice &= ~(void | repeats.frozen)
-        left_out = repeats.frozen | twice
-        counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
-        counts.duplicates += int(np.count_nonzero(twice[:c]))
-    messages = Messages(stamps, other, samples, c, void)
+    messages, left_out = Messages(stamps, other, samples, c, void), repeats.frozen | twice
     return messages.pick(~left_out) if left_out.any() else messages
 
 

@@ -3,7 +3,7 @@
 """
 The pace of a sensor: how far apart samples are, and how surely stamps show a lost one.
 
-This is one module because two ways of reading the stamps compete.
+There are two ways of reading the stamps.
 
 On a *grid*, every stamp lies near a multiple of the interval, and a step of two intervals is a
 lost sample. On a *line*, every message is one sample, however uneven its stamp. Such stamps come

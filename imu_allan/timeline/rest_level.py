@@ -6,8 +6,7 @@ The noise level at rest, from which motion is distinguished.
 A window is judged by three statistics of each axis: the power within parts of 20 ms, that of the
 differences of their means, and the second difference of window means. These keep noise of every
 term stationary and nearly Gaussian, however far it drifts. Thresholds follow from the median and
-the spread of the past, without tuning to rate, noise level, quantization or steady vibration. This
-is one class because the first baseline is the one that then follows the sensor.
+the spread of the past, without tuning to rate, noise level, quantization or steady vibration.
 """
 
 from dataclasses import dataclass, field, replace

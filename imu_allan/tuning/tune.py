@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Filters with two or three parameters, in one module with the closed forms that choose them.
+Filters with two or three parameters, and the closed forms that choose them.
 
 Most filters model white noise and a random walk, some white noise and a first-order Gauss-Markov
 process. The truth is the drift model. V(h) is what such a filter predicts for the variance of the
