@@ -112,9 +112,10 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     if repeats.evenly:
         polls = ~(repeats.frozen | twice)
         polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))
-        if _none_lost(polled, beside, bursts):
+        pace = _pace_of(polled, beside, bursts)
+        if pace is not None and _is_full(polled, pace.interval_ns):
             # Removed repeats leave gaps on both clocks, but no sample is lost.
-            return _pace_of(own, None, bursts, each=True)
+            return _pace_of(own, other, bursts, each=True)
     pace = _pace_of(own, other, bursts)
     if (pace is None or decision.clock != 'header' or memory.options.clock != 'auto'
             or len(own) < PHASE_GROUP
@@ -166,30 +167,20 @@ def replace_header_clock(memory: Memory, window: Window) -> None:
     cursor.fresh_run = True
 
 
-def _pace_of(stamps: Stamps, other: Stamps | None, bursts: bool, each: bool = False,
-             ) -> Pace | None:
-    """Measure the pace on the longest run at one rate."""
+def _pace_of(stamps: Stamps, other: Stamps, bursts: bool, each: bool = False) -> Pace | None:
+    """Measure the pace on the longest run at one rate; with `each`, no sample is lost."""
     if bursts:
         stamps = stamps + place_in_burst(stamps, None, 0)
     order = order_stamps(stamps, None)
     if order is not None:
-        stamps, other = stamps[order.keep], None if other is None else other[order.keep]
+        stamps, other = stamps[order.keep], other[order.keep]
         edges = [0, *np.flatnonzero(order.jumps[order.keep]).tolist(), len(stamps)]
         longest = int(np.argmax(np.diff(edges)))
         run = slice(edges[longest], edges[longest + 1])
-        stamps, other = stamps[run], None if other is None else other[run]
+        stamps, other = stamps[run], other[run]
     part = longest_at_one_rate(stamps)
-    pace = (pace_of_each(stamps[part]) if each else
-            measure_pace(stamps[part], None if other is None else other[part]))
+    pace = pace_of_each(stamps[part]) if each else measure_pace(stamps[part], other[part])
     return pace and replace(pace, messages=len(stamps[part]))
-
-
-def _none_lost(stamps: Stamps, other: Stamps, bursts: bool) -> bool:
-    """Return whether messages, repeats among them, come without losses."""
-    pace = _pace_of(stamps, other, bursts)
-    # However uneven the polls are, all of them are there.
-    return pace is not None and (
-        pace.hidden < 0.01 if pace.counting else _is_full(stamps, pace.interval_ns))
 
 
 def _is_full(stamps: Stamps, interval_ns: float) -> bool:

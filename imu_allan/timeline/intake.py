@@ -90,19 +90,11 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
 
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
     """Find duplicate messages, on a clock where different messages may share a stamp."""
-    counts = memory.counts
     same = np.zeros(len(stamps), dtype=bool)
-    if not memory.decision.separates_equal_stamps:
-        return same
     tied = stamps[1:] == stamps[:-1]
-    if tied.any():
+    if memory.decision.separates_equal_stamps and tied.any():
         same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
                     & repeated(window.samples))
-    if (len(memory.tail) and stamps[0] == counts.of(memory.decision.clock).last_ns
-            and int(window.header_ns[0]) == counts.header.last_ns):
-        newest = memory.tail[-1]
-        there = ~np.isnan(newest)
-        same[0] = np.array_equal(window.samples[0, there], newest[there])
     return same
 
 

@@ -37,8 +37,7 @@ class StampCounts(Record):
     def add(self, stamps: Stamps) -> bool:
         """Count repeated and backward stamps; return whether there are any."""
         last = self.last_ns
-        if not len(stamps) or ((last is None or stamps[0] > last)
-                               and (stamps[1:] > stamps[:-1]).all()):
+        if (last is None or stamps[0] > last) and (stamps[1:] > stamps[:-1]).all():
             return False
         steps = np.diff(stamps) if last is None else np.diff(stamps, prepend=last)
         self.repeats += int(np.count_nonzero(steps == 0))

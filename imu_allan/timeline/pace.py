@@ -128,10 +128,8 @@ def _on_grid(time: Array, steps: Array, interval: float) -> Pace | None:
     return None if pace.spread > COUNTING_SPREAD or _overfull(time, pace.interval_ns) else pace
 
 
-def pace_of_each(stamps: Stamps) -> Pace | None:
-    """Measure the interval of samples none of which is lost; None for fewer than eight."""
-    if len(stamps) < 8:
-        return None
+def pace_of_each(stamps: Stamps) -> Pace:
+    """Measure the interval of samples none of which is lost."""
     line, _ = _on_a_line((stamps - stamps[0]).astype(np.float64))
     # A poll that comes late by a part of the interval is no lost sample.
     return Pace(line.interval_ns, line.spread, counting=line.spread > 0.05)

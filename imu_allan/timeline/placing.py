@@ -136,9 +136,9 @@ def _at_one_rate(memory: Memory, messages: Messages) -> Iterator[EvenBlock]:
             changes = [(0, False)]
     for (first, other_rate), (last, _) in pairwise([*changes, (c, False)]):
         part = messages.pick(slice(first, last if last < c else None))
-        if part.consumed and other_rate:
+        if other_rate:
             _leave_out(memory, part)
-        elif part.consumed:
+        else:
             cursor.other_rate = False
             yield from _put(memory, part, steps if part.consumed == c else _count(memory, part)[1])
 

@@ -64,7 +64,7 @@ def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
     duplicate = np.zeros(n, dtype=bool)
     jumps = np.zeros(n, dtype=bool)
     start, newest = 0, last
-    while start < n:
+    while True:
         part = stamps[start:]
         first = np.iinfo(np.int64).min if newest is None else newest
         before = np.maximum.accumulate(np.append(first, part[:-1]))
@@ -114,11 +114,7 @@ def off_a_line(places: Ints) -> Array:
     return off
 
 
-def iso_time(stamp_ns: int) -> str | None:
-    """Format nanoseconds since 1970 as ISO-8601 in UTC; return None if they are out of range."""
-    try:
-        moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(
-            microseconds=stamp_ns // 1000)
-    except OverflowError:
-        return None
+def iso_time(stamp_ns: int) -> str:
+    """Format nanoseconds since 1970 as ISO-8601 in UTC."""
+    moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(microseconds=stamp_ns // 1000)
     return moment.isoformat().replace('+00:00', 'Z')
