@@ -54,7 +54,7 @@ def usable(memory: Memory, window: Window) -> Messages:
     twice = (_twice(memory, window, stamps) | repeats.held) & ~(void | repeats.frozen)
     if memory.content.frozen_s is None and repeats.frozen[:c].any():
         begins = int(stamps[np.argmax(repeats.frozen)])
-        first = counts.of(decision.clock).first_ns
+        first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
         memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
     counts.messages += c
     # Unusable values are not counted as spikes.

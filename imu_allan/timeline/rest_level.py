@@ -142,7 +142,7 @@ class RestLevel(Record):
     def contrast(self, windows: Array) -> Array:
         """Return the logarithm by which each window is louder; empty if no axis shows it."""
         rest = self.baseline.loudness
-        known = (rest > 0) & np.isfinite(rest)
+        known = rest > 0
         if not known.any():
             return np.empty(0)
         louder: Array = np.max(windows[:, :12][:, known] / rest[known], axis=1)
@@ -157,7 +157,7 @@ class RestLevel(Record):
             self.quieter = 0
             return None
         # An axis that has become constant is dead.
-        alive = (windows > 0) & (loud > 0) & np.isfinite(loud)
+        alive = (windows > 0) & (loud > 0)
         quieter = (np.sum(quiet & alive, axis=1) > 0.5 * alive.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest, axis=1)
         in_a_row = 6   # quiet windows that are rest: between two bumps of a road there are fewer

@@ -79,14 +79,11 @@ class TimelineSummary:
 def summarize(memory: Memory) -> TimelineSummary:
     """Summarize the state of a timeline."""
     counts, decision, cursor = memory.counts, memory.decision, memory.cursor
-    options, turns = memory.options, memory.slow_turns
-    remarks = remarks_of(memory)
-    motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    if options.motion == 'keep':
-        # Motion was only detected, not cut out.
-        motion = MotionSummary()
+    # With 'keep', motion is only detected, not cut out.
+    motion = (MotionSummary() if memory.motion is None or memory.options.motion == 'keep'
+              else memory.motion.summary)
     measured = _measured_rate(counts, decision, cursor.late_ns)
-    rate = options.rate_hz or measured
+    rate = memory.options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
     start = None
     epoch_clock_ns = 20 * 365 * 86400 * SECOND   # smaller stamps count from a boot, not from 1970
@@ -95,9 +92,6 @@ def summarize(memory: Memory) -> TimelineSummary:
         first = max(cursor.first_ns, counts.receive.first_ns) if boot_clock else cursor.first_ns
         # A table that counts from zero has no date.
         start = iso_time(first) if first >= epoch_clock_ns else None
-    jitter = None
-    if cursor.jitter is not None and not decision.counted_only:
-        jitter = cursor.jitter * decision.pace.interval_ns / SECOND
     return TimelineSummary(
         timeline=Timeline(
             sample_rate_hz=rate, samples=counts.samples,
@@ -111,18 +105,14 @@ def summarize(memory: Memory) -> TimelineSummary:
             all_motion=Total(motion.cut.count, motion.cut.total_s)
             if motion.cut.count > len(motion.cut.listed) else None),
         clock=None if decision.counted_only else decision.clock,
-        frame_id=decision.frame_id,
-        start_time=start,
-        remarks=remarks,
-        present=tuple(decision.present),
-        messages=counts.messages + memory.pending.messages,
-        counts=counts.copy(),
-        motion=motion.copy(),
+        frame_id=decision.frame_id, start_time=start, remarks=remarks_of(memory),
+        present=tuple(decision.present), messages=counts.messages + memory.pending.messages,
+        counts=counts.copy(), motion=motion.copy(), mostly_motion=mostly_motion(motion),
         measured_rate_hz=None if decision.counted_only else measured,
-        jitter_s=jitter,
-        mostly_motion=mostly_motion(motion),
+        jitter_s=None if cursor.jitter is None or decision.counted_only
+        else cursor.jitter * decision.pace.interval_ns / SECOND,
         turned=tuple(name for axis, name in enumerate(AXES)
-                     if any(found[2] == axis for found in turns)),
+                     if any(found[2] == axis for found in memory.slow_turns)),
         density_error=density_error(counts, decision))
 
 
