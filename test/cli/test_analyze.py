@@ -7,7 +7,6 @@ from pathlib import Path
 import pty
 import subprocess
 import sys
-import time
 
 from bags import mcap_written, serialized
 import imu_allan
@@ -204,10 +203,12 @@ def test_a_result_that_cannot_be_saved_is_shown_all_the_same(recording, tmp_path
                     reason='IMU_ALLAN_DATA names no folder of real recordings')
 def test_a_real_recording_is_characterized_in_well_under_a_minute(tmp_path):
     recording = Path(os.environ['IMU_ALLAN_DATA']) / 'adis16405_imu2'
-    began = time.monotonic()
+    before = os.times()
     subprocess.run([*COMMAND, str(recording), '--output', str(tmp_path)], check=True,
                    stdout=subprocess.DEVNULL)
-    assert time.monotonic() - began < 45
+    after = os.times()
+    # Of the processor, which others may use meanwhile.
+    assert sum(after[2:4]) - sum(before[2:4]) < 45
     axes = json.loads((tmp_path / 'result.json').read_text())['axes']
     for axis, density in (('gyro_x', 7.0e-4), ('gyro_y', 7.4e-4), ('gyro_z', 6.7e-4)):
         assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(
