@@ -149,9 +149,9 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     else:
         summary = stage.summary()
         # A column that the table lacks is reported as such, not as one without numbers.
-        told = {(remark.code, remark.axes) for remark in recording.remarks}
+        known = {(remark.code, remark.axes) for remark in recording.remarks}
         rows += _timeline_rows(replace(summary, remarks=tuple(
-            remark for remark in summary.remarks if (remark.code, remark.axes) not in told)),
+            remark for remark in summary.remarks if (remark.code, remark.axes) not in known)),
             topic, untimed=recording.untimed)
         constant = [name for name, there, changes in zip(
             AXES, summary.present, changed, strict=True) if there and not changes]
