@@ -91,10 +91,19 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
     """Find duplicate messages, on a clock where different messages may share a stamp."""
     same = np.zeros(len(stamps), dtype=bool)
+    if not memory.decision.separates_equal_stamps:
+        return same
     tied = stamps[1:] == stamps[:-1]
-    if memory.decision.separates_equal_stamps and tied.any():
+    if tied.any():
         same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
                     & repeated(window.samples))
+    header, receive = memory.counts.header, memory.counts.receive
+    last_ns = (header if memory.decision.clock == 'header' else receive).last_ns
+    if len(memory.tail) and (stamps[0], window.header_ns[0]) == (last_ns, header.last_ns):
+        # The message before is the last of another window.
+        newest = memory.tail[-1]
+        there = ~np.isnan(newest)
+        same[0] = np.array_equal(window.samples[0, there], newest[there])
     return same
 
 

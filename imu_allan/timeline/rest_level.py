@@ -65,7 +65,7 @@ class RestLevel(Record):
     """The noise level at rest, as learned so far."""
 
     baseline: Baseline
-    first: Array  # loudness when the noise level was last reported, shape (12,)
+    first: Array | None = None  # loudness when the noise level was last reported, shape (12,)
     # Loudness and wander of the windows at rest that make the baseline, and of those since, shape
     # (windows, 18).
     past: Array = field(default_factory=lambda: np.empty((0, 18)))
@@ -82,8 +82,10 @@ class RestLevel(Record):
             # With frequent gaps no segment may fill a window. Then each one of at least median
             # length serves as a window: one sample has no noise, and two may be equal by chance.
             full = [segment for segment in held if len(segment.loudness) == 1]
-            usual = np.median([segment.held for segment in full])
+            usual = np.median([segment.held for segment in full]) if full else 0
             full = [segment for segment in full if segment.held >= usual]
+        if not full:
+            return cls(Baseline(*np.split(np.full(36, np.inf), [12, 24, 30])))
         table = np.concatenate([segment.statistics(0, len(segment.means)) for segment in full])
         resolution = np.min([resolution_of(segment.joined().samples[:8 * 1024])
                              for segment in full[:4]], axis=0)
@@ -107,8 +109,10 @@ class RestLevel(Record):
             centre = np.median(loudness[quieter], axis=0)
             # The cube root of a variance of 25 samples has a relative error of sqrt(2 / 25) / 3.
             baseline = Baseline(centre, 0.1 * centre, np.full(6, np.inf), resolution)
+            if len(table) < fewest:
+                return cls(baseline)
             rest = np.all(loudness <= baseline.loudest, axis=1)
-            if rest.any():
+            if np.count_nonzero(rest) >= fewest:
                 found = baseline_of(table[rest], resolution)
                 baseline = replace(baseline, wander=found.wander)
         past = table[rest]
@@ -142,7 +146,7 @@ class RestLevel(Record):
     def contrast(self, windows: Array) -> Array:
         """Return the logarithm by which each window is louder; empty if no axis shows it."""
         rest = self.baseline.loudness
-        known = rest > 0
+        known = (rest > 0) & np.isfinite(rest)
         if not known.any():
             return np.empty(0)
         louder: Array = np.max(windows[:, :12][:, known] / rest[known], axis=1)
@@ -157,7 +161,7 @@ class RestLevel(Record):
             self.quieter = 0
             return None
         # An axis that has become constant is dead.
-        alive = (windows > 0) & (loud > 0)
+        alive = (windows > 0) & (loud > 0) & np.isfinite(loud)
         quieter = (np.sum(quiet & alive, axis=1) > 0.5 * alive.sum(axis=1)) & ~np.any(
             windows > self.baseline.loudest, axis=1)
         in_a_row = 6   # quiet windows that are rest: between two bumps of a road there are fewer
@@ -220,6 +224,8 @@ class RestLevel(Record):
     def _adopt(self, baseline: Baseline) -> list[float]:
         """Adopt a new baseline; return the ratio if noise has become much louder or quieter."""
         self.baseline = baseline
+        if self.first is None:
+            self.first = baseline.loudness
         known = (self.first > 0) & (baseline.loudness > 0)
         ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
         most = max(ratio.tolist(), key=lambda ratio: abs(log(ratio)), default=1.0)

@@ -148,8 +148,9 @@ class TimelineStage(Record):
         try:
             return self._at_rest(place(self._memory, usable(self._memory, window)))
         except ImuAllanError:
-            # Nothing is decided yet: the next messages may be usable.
-            self._memory.decision = Decision(self._memory.decision.frame_id)
+            # No clock is chosen yet: the next messages may be usable.
+            decision = self._memory.decision
+            decision.clock, decision.pace, decision.first_interval_ns = None, Decision.pace, None
             raise
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:

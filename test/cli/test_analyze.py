@@ -208,7 +208,7 @@ def test_a_real_recording_is_characterized_in_well_under_a_minute(tmp_path):
                    stdout=subprocess.DEVNULL)
     after = os.times()
     # Of the processor, which others may use meanwhile.
-    assert sum(after[2:4]) - sum(before[2:4]) < 45
+    assert sum(after[2:4]) - sum(before[2:4]) < 30
     axes = json.loads((tmp_path / 'result.json').read_text())['axes']
     for axis, density in (('gyro_x', 7.0e-4), ('gyro_y', 7.4e-4), ('gyro_z', 6.7e-4)):
         assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(

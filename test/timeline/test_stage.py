@@ -270,6 +270,16 @@ def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
         assert summary.measured_rate_hz == 100.0
 
 
+# The first window decides on all but the last 64 of its 4,096 messages.
+@pytest.mark.parametrize('twice', [1000, 4096 - 64 - 1, 4096 - 64])
+def test_a_message_delivered_twice_is_one_sample_also_between_two_windows(twice):
+    block = still(12_000)
+    stage = TimelineStage(TimelineOptions(clock='receive'))
+    stage.push(block.part(np.sort(np.append(np.arange(12_000), twice))))
+    timeline = stage.summary().timeline
+    assert (timeline.samples, timeline.duplicates) == (12_000, 1)
+
+
 def test_of_refused_stamps_nothing_is_reported():
     block, place = still(5000), np.arange(5000)
     # A FIFO is read every ten samples.

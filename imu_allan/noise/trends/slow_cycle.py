@@ -57,7 +57,7 @@ def strong_cycle(whole: RecordSpectrum, lines_hz: Sequence[float], bank: Bank
     # Continue only with harmonics that are unlikely by chance.
     if _chance(record, variance, frequency_hz) > 1e-3:
         return None
-    # Fit the frequency first with four harmonics.
+    # A starting value for the fit of all harmonics, from four.
     frequency_hz = harmonics.refined(record, variance, frequency_hz, 4).frequency_hz
     # A strict significance level, because many frequencies are tried.
     certain = 1e-11
