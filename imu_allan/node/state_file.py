@@ -24,7 +24,7 @@ from imu_allan.state import State
 from imu_allan.writers.atomic import resolved, write_atomically
 import numpy as np
 
-VERSION = 10
+VERSION = 11
 """Version of the layout, raised when other versions of the program would misread the file."""
 _NAME = b'imu_allan.state/'
 

@@ -204,6 +204,16 @@ def test_without_chance_coefficients_are_exact_and_their_intervals_the_bound(ter
         assert 0.5 * bound[key] < axis.coefficients[key].upper95 < 5 * bound[key]
 
 
+def test_white_noise_below_strong_quantization_noise_is_found_with_honest_intervals():
+    # As of an integrating gyroscope: they cross at 0.9 Hz, within 4096 samples.
+    terms = {N: 2e-6, 'quantization_noise': 5e-6}
+    axes = simulated(terms, 720_000, 200.0, range(24))
+    found = [axis.coefficients[N] for axis in axes]
+    assert sum(holds(one, 2e-6) for one in found) >= 21
+    assert np.std([np.log(one.value / 2e-6) for one in found]) < 0.03
+    assert all(axis.stationarity.steady for axis in axes)
+
+
 @pytest.mark.parametrize(('key', 'clearly'), [('quantization_noise', 2.5), (B, 6), (K, 20)])
 def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
     # Such a square is two standard errors of it.

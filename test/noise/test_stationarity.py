@@ -30,7 +30,7 @@ def test_noise_that_stays_the_same_is_steady():
     # Two halves a tenth apart have half of it as their standard deviation.
     (65_536, 1.1, 1 / 2, 0.05e-3), (SAMPLES, 1.1, 1 / 2, 0.05e-3), (SAMPLES, 1.5, 5 / 9, 0.25e-3)])
 def test_noise_that_is_higher_at_first_is_reported_with_its_size(samples, louder, until, between):
-    record = simulate(SENSOR, samples, RATE, 1)
+    record = simulate(SENSOR, samples, RATE, 2)
     steady = characterize(record, RATE)
     segments = steady.stationarity.segments
     for before, after in pairwise(segments):

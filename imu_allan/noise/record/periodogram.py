@@ -3,8 +3,8 @@
 """
 The spectrum of a record in constant memory.
 
-The record is processed at three or four rates: single samples, means of 64, of 4096 and so on.
-Each stage sums the squared DCT-II coefficients of consecutive blocks of 4096 points. The lowest
+The record is processed at up to five rates: single samples, means of 16, of 256 and so on. Each
+stage sums the squared DCT-II coefficients of consecutive blocks of 4096 points. The lowest
 frequencies of a block are left to the next stage. For the slowest part of the spectrum, where each
 coefficient matters, one DCT is taken over the whole record. For it the record is kept as at most
 8192 means over cells that double in size as it grows. So a record of up to 8192 samples is
@@ -185,8 +185,8 @@ class Periodogram(MultiAxis):
             self.series, coarser(cells, self.cell // MEANS) if self.cell >= MEANS else
             cells_of(rows, run, first, self.cell))
         self._bound_series()
-        # The slowest stage has means of 2**18 samples: at 1 kHz its blocks are twelve days long.
-        for number in range(1, 4):
+        # The slowest stage has means of 2**16 samples: at 1 kHz its blocks are three days long.
+        for number in range(1, 5):
             if number == len(self.stages):
                 # The stage is needed once the series is coarser than its points.
                 if self.samples < SERIES // 2:
@@ -216,8 +216,10 @@ class Periodogram(MultiAxis):
         if self.cell == 1:
             return found
         border = top / self.cell
-        # The first 32 coefficients of a block are left to the next stage, of finer resolution.
-        lowest = 32 / (2 * BLOCK)
+        # The first 128 coefficients of a block are left to the next stage, of finer resolution.
+        # Quantization noise at both ends of a block leaks equally into all of them, so that they
+        # vary together; in later ones it is less than a tenth of the quantization noise itself.
+        lowest = HIGHEST_OF_MEANS / MEANS
         for i, stage in reversed([*enumerate(self.stages)]):
             step = MEANS**i
             if step >= self.cell:

@@ -33,7 +33,7 @@ PER_OCTAVE = 8
 """Bands per octave. A line costs three: wider bands lose more, narrower ones scatter more."""
 BANDS = PER_OCTAVE * (OCTAVES - 1)
 """Number of bands: the fastest octave ends at half the sample rate."""
-MEANS = 64
+MEANS = 16
 """Points whose mean is a point of the next stage of the spectrum, and of the slower transform."""
 TRANSFORMS = ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1))
 """Points, and samples per point, of the transforms for the slower and the faster bands."""

@@ -87,11 +87,13 @@ def test_a_constant_changes_only_the_mean_and_reversed_time_not_even_a_short_cur
 
 def test_memory_does_not_grow_with_the_record():
     rng, estimator, sizes = np.random.default_rng(0), Estimator(6), []
-    for _ in range(120):
+    for _ in range(240):
         estimator.update(rng.standard_normal((SHORTEST_SEGMENT, 6)))
         sizes.append(sum(array.nbytes for array in estimator.to_state().values()))
-    assert max(sizes) < 3_000_000
-    assert max(sizes[90:]) <= max(sizes[:90])
+    # The slowest stage holds back the means of hours that do not fill a block yet.
+    waiting = 8 * (6 + 2) * (BLOCK + SHORTEST)
+    assert max(sizes) < 2_200_000
+    assert max(sizes[90:]) <= max(sizes[:90]) + waiting
 
 
 def test_a_record_of_nothing_but_short_runs_has_coefficients():
@@ -172,7 +174,7 @@ def test_all_degrees_of_freedom_are_used_once_and_the_band_has_no_hole(samples):
 
 @pytest.mark.parametrize(('samples', 'expected'), [
     (1000, {(1, 1000)}), (SERIES, {(1, SERIES)}),
-    (600_000, {(128, 4688), (64, BLOCK), (1, BLOCK), (1, BLOCK // 8)})])
+    (600_000, {(128, 4688), (16, BLOCK), (1, BLOCK), (1, BLOCK // 8)})])
 def test_every_stage_holds_the_transforms_of_its_means(samples, expected):
     rows = np.random.default_rng(2).normal(size=(2, samples)) + np.array([[0.0], [3.0]])
     sections = shown(rows.T).periodogram.sections()
