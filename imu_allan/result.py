@@ -14,7 +14,7 @@ from importlib import import_module
 from math import pi, sqrt
 from typing import Annotated, Any, Literal
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, shorten
 from imu_allan.finding import Finding
 from imu_allan.json_of_dataclasses import ABOVE_ZERO, json_text, NOT_NEGATIVE, plain, typed
 
@@ -605,7 +605,13 @@ class Result:
             If `document` is not of the schema; the message names the field, prefixed by `name`.
 
         """
-        if not isinstance(document, Mapping) or document.get('schema') != SCHEMA:
+        schema = document.get('schema') if isinstance(document, Mapping) else None
+        if schema != SCHEMA:
+            before, _, version = str(schema).rpartition('/')
+            if before == SCHEMA.rpartition('/')[0] and version.isdecimal():
+                raise ImuAllanError(
+                    f'{name}: written by a newer imu_allan (schema {shorten(str(schema), 40)}, '
+                    f'this one reads {SCHEMA}); update imu_allan')
             raise ImuAllanError(
                 f'{name}: not an imu_allan result file (no "schema": "{SCHEMA}"); '
                 'write one with: imu_allan analyze RECORDING --json FILE')

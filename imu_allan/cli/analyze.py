@@ -79,9 +79,9 @@ def run(args: argparse.Namespace) -> int:
     """Characterize every recording; show each result once it and all earlier ones are done."""
     from imu_allan.recordings import recordings_in
 
-    choice = choice_of(args)
-    args.recordings = [str(path) for given in args.recordings
-                       for path in recordings_in(given, choice.reading)]
+    choice, given = choice_of(args), args.recordings
+    args.recordings = [str(path) for folder in given
+                       for path in recordings_in(folder, choice.reading)]
     apart = len(args.recordings) > 1 and not args.together
     of_one = ('--json' if args.json is not None
               else '--for' if args.consumers and args.output is None else None)
@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
     output = None if args.output is None else Path(args.output)
     gathering = FleetResults(output)
     tasks = _tasks(args, choice, output, gathering)
+    _require_own_folder([*given, *args.recordings], [output, *(task.folder for task in tasks)])
     if len(tasks) > 1 and of_one:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             f'{of_one}; choose one with --topic or use --output DIR')
@@ -148,6 +149,16 @@ def _require_right_usage(args: argparse.Namespace, apart: bool, of_one: str | No
         args.parser.error(f'{of_one} takes one recording; use --output DIR for several')
     if apart and 'serial' in dict(args.meta):
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
+
+
+def _require_own_folder(recordings: Sequence[str], outputs: Sequence[Path | None]) -> None:
+    """Raise ImuAllanError if an output folder is a recording, or a folder of recordings."""
+    for folder in filter(None, outputs):
+        # With a result in it, a folder of CSV files would be taken for that of the result.
+        if folder.is_dir() and any(folder.samefile(path) for path in recordings
+                                   if Path(path).exists()):
+            raise ImuAllanError(f'--output: would write into {printable(folder)}, which is a '
+                                'recording of this command; name another folder')
 
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,

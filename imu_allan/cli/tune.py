@@ -59,11 +59,13 @@ def run(args: argparse.Namespace) -> int:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter is unaided for at least one interval')
     result = load_result(args.result)
+    axes = tuning_table.known_axes(result)
+    # A recording that cannot be read is reported before anything is printed.
+    tested = {} if args.verify is None else _tested(args, axes)
     console = console_of()
     console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias), '',
                   tuning_table.forecast_table(result),
                   *wrapped(tuning_table.sentences(result, args.coast), console.width), sep='\n')
-    tested = {} if args.verify is None else _tested(args, tuning_table.known_axes(result))
     if tested:
         console.print('', tuning_table.field_test_table(
             tested, printable(args.verify), args.bias), sep='\n')

@@ -87,7 +87,8 @@ CHARACTERIZATION = (
     Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder that ~/save and shutdown write to. '
             'Every run gets its own folder in it', may_be_empty=False),
     Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps the state of the run over '
-            'every restart; the default resumes only after a crash; empty keeps nothing'),
+            'every restart; the default resumes only after a crash; none or '
+            'empty keeps nothing'),
     Setting('checkpoint_period', 60.0, 'Seconds between checkpoints: the most that a crash '
             'can lose', 1.0, 86_400.0, read_only=False),
     Setting('motion', 'exclude', 'What to do with knocks and motion',

@@ -46,10 +46,19 @@ class ShownTerms(Record):
         """Return the result to publish; waiting times are given only if `more_comes`."""
         self._see_growth(result)
         self._growing &= more_comes
-        return replace(result, axes={name: replace(axis, coefficients={
+        axes = {name: replace(axis, coefficients={
             term: self._coefficient(f'{name}/{term}', found)
             for term, found in axis.coefficients.items()})
-            for name, axis in result.axes.items()})
+            for name, axis in result.axes.items()}
+        # A dependence on temperature may be chance, too.
+        unsure = {name for name, axis in axes.items() if not self._lasts(
+            f'{name}/temperature', axis.trend is not None and axis.trend.temperature is not None)}
+        return replace(result, axes={
+            name: axis if axis.trend is None or name not in unsure else
+            replace(axis, trend=replace(axis.trend, temperature=None))
+            for name, axis in axes.items()}, warnings=tuple(
+                one for one in result.warnings
+                if one.code != 'temperature' or not unsure.intersection(one.axes)))
 
     def _see_growth(self, result: Result) -> None:
         """Note whether messages make the record longer: not in motion, nor with held values."""
@@ -68,20 +77,28 @@ class ShownTerms(Record):
         self.messages, self.record_s = messages, record_s
 
     def _coefficient(self, key: str, found: Coefficient) -> Coefficient:
-        if not found.observable:
-            self.hidden_s = {**self.hidden_s, key: self.record_s}
-            self.shown = [one for one in self.shown if one != key]
-            return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
         probable = found.presence is None or found.presence >= PROBABLE
-        wait_s = GROWTH * self.hidden_s.get(key, self.first_s) - self.record_s
         # Noise density shows in the shortest record and cannot be confused with other terms.
-        if (probable and wait_s <= 0) or key in self.shown or key.endswith('/noise_density'):
-            self.shown = [*(one for one in self.shown if one != key), key]
+        lasts = self._lasts(key, found.observable, probable, key.endswith('/noise_density'))
+        if not found.observable:
+            return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
+        if lasts:
             return found
         bound = None if found.ci95 is None else max(map(abs, found.ci95))
         return replace(found, observable=False, value=None, ci95=None, upper95=bound,
-                       observable_in_s=wait_s if self._growing and probable else None,
+                       observable_in_s=self._wait_s(key) if self._growing and probable else None,
                        ci_halves_in_s=None, between=None)
+
+    def _lasts(self, key: str, seen: bool, probable: bool = True, at_once: bool = False) -> bool:
+        """Note whether a fit shows something, and return whether that may be published."""
+        if not seen:
+            self.hidden_s = {**self.hidden_s, key: self.record_s}
+        lasts = seen and ((probable and self._wait_s(key) <= 0) or key in self.shown or at_once)
+        self.shown = [*(one for one in self.shown if one != key), *([key] if lasts else [])]
+        return lasts
+
+    def _wait_s(self, key: str) -> float:
+        return GROWTH * self.hidden_s.get(key, self.first_s) - self.record_s
 
     def _steady_wait(self, key: str, wait_s: float | None) -> float | None:
         """Return a wait if its end has not receded since the record was `GROWTH` times shorter."""

@@ -63,7 +63,8 @@ class Storage:
     # -- the state file -------------------------------------------------------------------------
 
     def _opened(self, path: str) -> StateFile | None:
-        if not path:
+        # The launch file takes the same word, as ros2 launch takes no empty argument.
+        if path in ('', 'none'):
             return None
         if not self._unasked:
             return StateFile(path)

@@ -18,8 +18,9 @@ axis and take precedence. A coefficient is given by its key or by its name in ta
 simulation ignores.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 import os
 from pathlib import Path
 from typing import Any
@@ -121,9 +122,15 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
         elif key in sensors:
             _read_sensor(model, key, value, f'{name}: {key}')
         else:
-            raise ImuAllanError(f'{name}: unknown key {shorten(repr(key), 60)}; '
-                                f'known are name, {", ".join(sensors)}')
+            raise _unknown(name, key, ('name', *sensors))
     return model
+
+
+def _unknown(where: str, key: str, known: Sequence[str]) -> ImuAllanError:
+    near = get_close_matches(key, known, n=1)
+    return ImuAllanError(f'{where}: unknown key {shorten(repr(key), 60)}'
+                         f'{f", did you mean {near[0]}?" if near else ";"} '
+                         f'known are {", ".join(known)}')
 
 
 def _yaml(text: str, name: str) -> Any:
@@ -177,9 +184,7 @@ def _read_axis(model: NoiseModel, axis: str, entries: Mapping[str, Any], where: 
         elif key == 'mean':
             model.mean[axis] = _value(value, quantity.unit, here, signed=True)
         else:
-            known = ', '.join((*TERMS, 'gauss_markov', 'mean', *LIMITS, 'x', 'y', 'z'))
-            raise ImuAllanError(f'{where}: unknown key {shorten(repr(written), 60)}; '
-                                f'known are {known}')
+            raise _unknown(where, written, (*TERMS, 'gauss_markov', 'mean', *LIMITS, *'xyz'))
 
 
 def _key(written: str, quantity: Quantity) -> str:

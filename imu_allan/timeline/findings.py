@@ -153,10 +153,10 @@ def _clock_figures(memory: Memory) -> Figures:
         # receive time, samples may be missing.
         header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
         header = max(header, receive)
-    # A crystal is off by millionths; a replay or a simulation by more than 5 %. Receive stamps lag
-    # by tenths of a second, a few percent of some seconds. Chosen by judgment.
+    # A crystal is off by millionths; a replay or a simulation by more than 5 %. The first receive
+    # stamps lag by what waited in a queue, usually of no more than 2.5 s. Chosen by judgment.
     if not (receive > 0 and header > 0) or (
-            abs(log(header / receive)) < max(0.05, 0.3 / receive)):
+            abs(log(header / receive)) < max(0.05, 2.5 / receive)):
         return {}
     return {'clock_speed': {'ratio': header / receive}}
 

@@ -9,6 +9,7 @@ from imu_allan.errors import printable, shorten
 from imu_allan.fleet.population import Population
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
+from imu_allan.wording import counted
 from imu_allan.writers import figure_style as style
 from imu_allan.writers.panels import draw_curve
 import numpy as np
@@ -34,7 +35,8 @@ def curves_figure(results: Mapping[str, Result], fleet: Population, title: str =
         figure = style.empty_figure(11.0, height)
         grid = figure.add_gridspec(rows, 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
                                    bottom=0.55 / height, top=1 - 1.15 / height)
-        figure.text(0.02, 1 - 0.25 / height, title or f'Allan deviation of {len(results)} units',
+        figure.text(0.02, 1 - 0.25 / height,
+                    title or f'Allan deviation of {counted(len(results), "unit")}',
                     fontsize=13, fontweight='bold', va='center')
         figure.text(0.02, 1 - 0.5 / height,
                     'points: measured · line: fitted · band: 95 % interval' if few else

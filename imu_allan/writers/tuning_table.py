@@ -16,6 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
+from imu_allan.sensor_verdicts import sensor_verdicts
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, tune
@@ -23,6 +24,7 @@ from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, up
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.key_figures import CALIBRATION_S
 from imu_allan.writers.terminal import bare_table
+from imu_allan.writers.verdict_lines import verdict_lines
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -55,9 +57,14 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias) -> Group:
     """Return one table per sensor, with the axes that have a drift model."""
-    parts: list[RenderableType] = [Text(
+    # Numbers from a few seconds look like any others.
+    parts: list[RenderableType] = [
+        Text(line) for line, verdict in zip(
+            verdict_lines(result), sensor_verdicts(result).values(), strict=True)
+        if verdict.verdict == 'not_usable']
+    parts.append(Text(
         f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
-        f'{duration(coast_s)}:')]
+        f'{duration(coast_s)}:'))
     if aiding_s * (rate_hz := result.timeline.sample_rate_hz or np.inf) < 1 - 1e-6:
         parts.append(Text(f'That is faster than the samples of this recording, {rate_hz:.6g} Hz: '
                           'noise between two of them is taken for white.'))
@@ -103,8 +110,9 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
     """Return the axes with a drift model; raise ImuAllanError if there are none."""
     axes = {name: axis for name, axis in result.axes.items() if axis.drift_model is not None}
     if not axes:
-        raise ImuAllanError('no axis of this result has a drift model (constant, too short, or '
-                            'from an older version): analyze the recording again')
+        raise ImuAllanError(f'no axis of this result has a drift model. '
+                            f'{" ".join(verdict_lines(result))} If it is from an older version, '
+                            'analyze the recording again')
     return axes
 
 

@@ -27,6 +27,7 @@ def folder(tmp_path, recording, result_file, monkeypatch):
     (tmp_path / 'soft.json').symlink_to('a.mcap')
     os.link(tmp_path / 'r.json', tmp_path / 'hard.json')
     (tmp_path / 'index.html').write_text('<!DOCTYPE html><title>my page</title>')
+    shutil.copytree(recording, tmp_path / 'bag')
     (tmp_path / 'planted').mkdir()
     (tmp_path / 'planted' / 'result.json').symlink_to(tmp_path / 'r.json')
     monkeypatch.chdir(tmp_path)
@@ -53,6 +54,10 @@ def folder(tmp_path, recording, result_file, monkeypatch):
      f'spec.yaml: {OTHER.format("configuration of a filter")}'),
     (['simulate', 'consumer_mems', '--output', ''], f"--output '': {EMPTY}"),
     (['info', ''], f"recording '': {EMPTY}"),
+    *((['analyze', *given, '--output', output],
+       f'--output: would write into {into}, which is a recording of this command; name another '
+       'folder') for given, output, into in (
+        (['bag'], './bag', 'bag'), (['bag', 'a.csv'], '.', 'bag'), (['.'], '.', '.'))),
 ])
 def test_what_is_not_to_be_replaced_is_reported_and_stays(arguments, line, folder, fails_with):
     before = {path: path.read_bytes() for path in folder.rglob('*') if path.is_file()}

@@ -273,13 +273,19 @@ def test_the_numbers_hold_on_their_own_recording(result_file, imu_recording, tmp
     ('--aiding 10s --coast 1s',
      '--coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least one interval'),
     ('--verify {old}', '--verify {old}: is a result, without samples to run filters over; name '
-     'the recording itself')])
+     'the recording itself'),
+    ('--verify nowhere', 'nowhere: no such file or directory')])
 def test_what_cannot_be_is_refused(result_file, tmp_path, options, seen, fails_with):
     old = tmp_path / 'old.json'
     save_result(with_axes(load_result(result_file), drift_model=None), old)
-    fails_with('no axis of this result has a drift model (constant, too short, or from an older '
-               'version): analyze the recording again', 'tune', old)
-    shown = fails_with(seen.format(old=old), 'tune', result_file,
-                       *options.format(result=result_file, old=old).split())
-    # What needs no recording is refused before anything is read.
-    assert (shown == '') == ('{' not in options)
+    fails_with('no axis of this result has a drift model. Gyroscope: <words> If it is from an '
+               'older version, analyze the recording again', 'tune', old)
+    # Before the tables, of which a reader would think that they were verified.
+    assert fails_with(seen.format(old=old), 'tune', result_file, *options.format(
+        result=result_file, old=old).split()) == ''
+
+
+def test_numbers_from_seconds_come_with_the_verdict(recording, analyzed, tmp_path, output_of):
+    analyzed(recording, '--duration', '5s')
+    assert output_of('tune', tmp_path / 'analyzed.json').startswith(
+        'Gyroscope: not usable: 5 s at rest.\nNumbers for a filter')

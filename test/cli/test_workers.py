@@ -5,6 +5,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -179,6 +180,9 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(tmp_path, fails_with):
         result.axes['gyro_x'].coefficients['noise_density'].value
     page = (output / 'fleet.html').read_text()
     assert '<a href="sn10/report.html">sn10</a>' in page
+    fails_with(f'{bad}: {no_axes("no,recording")}', 'analyze', paths[0], bad, '--output', output,
+               '--name-from', 'folder')
+    assert re.search(r'Allan deviation of 1 unit\b', (output / 'fleet.html').read_text())
     assert '<script' not in page
 
 

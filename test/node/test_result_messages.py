@@ -20,7 +20,16 @@ from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
 from imu_allan.node.state_file import decode_state, encode_state
-from imu_allan.result import Coefficient, GoodnessOfFit, Span, Timeline, Tone, TurnOnBias
+from imu_allan.result import (
+    Coefficient,
+    GoodnessOfFit,
+    Span,
+    TemperatureDependence,
+    Timeline,
+    Tone,
+    Trend,
+    TurnOnBias,
+)
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -266,6 +275,21 @@ def test_of_repeated_looks_what_lasts_is_published(result, fits, shown, waits):
     for (_, seen, *_), one in zip(fits, found, strict=True):
         if seen and not one.observable:
             assert (one.value, one.ci95, one.upper95) == (None, None, 3.0)
+
+
+def test_of_repeated_looks_a_dependence_on_temperature_that_lasts_is_published(result):
+    looks, heat = ShownTerms(), TemperatureDependence(1e-4, (5e-5, 2e-4), 20.0, 21.0)
+    said = finding('temperature', ('gyro_x',), per_kelvin=1e-4, per_kelvin_low=5e-5,
+                   per_kelvin_high=2e-4, unit='rad/s', lowest_c=20.0, highest_c=21.0, lag_s=None)
+    for time, shown in ((10, False), (20, False), (30, True), (40, True), (50, None), (60, False),
+                        (149, False), (150, True)):
+        one = at(result, float(time), False)
+        seen = shown is not None
+        found = looks.judged(replace(one, warnings=(said,) if seen else (), axes={
+            'gyro_x': replace(one.axes['gyro_x'], trend=Trend(temperature=heat if seen else None)
+                              )}))
+        assert (found.axes['gyro_x'].trend.temperature, found.warnings) == (
+            (heat, (said,)) if shown else (None, ())), time
 
 
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):

@@ -157,12 +157,13 @@ def start_at_home(ros, **parameters):
     return node
 
 
-def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(ros):
+@pytest.mark.parametrize('nothing', ['', 'none'])
+def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(ros, nothing):
     # A script has what it starts with & ignore SIGINT: that ends the node all the same.
     before = {number: signal.signal(number, signal.SIG_IGN)
               for number in (signal.SIGHUP, signal.SIGINT)}
     try:
-        node = start_at_home(ros, state_file='')
+        node = start_at_home(ros, state_file=nothing)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -173,6 +174,7 @@ def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothi
     assert node.stop() == 0, node.log
     assert ros.results()[0]['timeline']['samples'] == 2000
     assert not (ros.folder / 'home').exists()
+    assert not Path(nothing).is_file()
 
 
 def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros, health):

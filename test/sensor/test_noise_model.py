@@ -159,6 +159,9 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
      "in a unit that can be turned into m/s^2; write a number with its unit, such as '1 ug' or "
      "'1 m/s^2'"),
     ('gyro: {noise: 1 deg/sqrt(h)}', f"gyro: unknown key 'noise'; known are {KEYS}"),
+    ('gyro: {noise_densty: 1 deg/sqrt(h)}', "gyro: unknown key 'noise_densty', did you mean "
+     f'noise_density? known are {KEYS}'),
+    ('gyro: {}\nacel: {}', "unknown key 'acel', did you mean accel? known are name, gyro, accel"),
     ('gyro: {noise_density: [1]}', 'gyro.noise_density: expected a value with its unit, such as '
      "'1 rad/s/sqrt(Hz)'"),
     ('gyro: {noise_density: -1 deg/sqrt(h)}', "gyro.noise_density: '-1 deg/sqrt(h)' is negative; "

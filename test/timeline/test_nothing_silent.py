@@ -320,6 +320,13 @@ def test_clocks_of_different_speed_are_reported(speed, back_s):
     assert 'clock_speed' not in codes(run(messages.block(), clock='header')[0])
 
 
+@pytest.mark.parametrize('duration_s', [4, 6, 30])
+def test_messages_that_waited_in_a_queue_make_no_clock_wrong(duration_s):
+    messages, _, _ = rest(100, duration_s)
+    messages.receive = np.maximum(messages.receive, 2.0) + 1e-5 * messages.place
+    assert 'clock_speed' not in codes(run(messages.block())[0])
+
+
 def numbers(result, axes):
     return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
             if name.startswith(axes)]

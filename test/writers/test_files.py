@@ -30,7 +30,11 @@ DENSITY = 'axes.gyro_x.coefficients.noise_density'
 @pytest.mark.parametrize(('content', 'complaint'), [
     *((content, f': not JSON; give a result file, {MADE_BY}')
       for content in (b'\xff', b'[' * 100_000, b'{"schema": NaN}')),
-    (b'{}', f': {NO_RESULT}'),
+    *((content, f': {NO_RESULT}') for content in (
+        b'{}', b'[]', b'{"schema": "imu_allan.fleet/2"}', b'{"schema": "imu_allan.result/x"}')),
+    (b'{"schema": "imu_allan.result/2", "axes": 1}',
+     ': written by a newer imu_allan (schema imu_allan.result/2, this one reads '
+     'imu_allan.result/1); update imu_allan'),
     (b'{"schema": "imu_allan.result/1"}', ': missing imu_allan_version, source, timeline, axes'),
     (None, ': cannot be read (No such file or directory); give the path of a result file, '
      f'{MADE_BY}')])
