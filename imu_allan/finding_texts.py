@@ -89,7 +89,7 @@ def _temperature(f: Figures) -> str:
 
 
 def _rest_within_motion(f: Figures) -> str:
-    rests = ', '.join(f'{lasts:.4g} s at {start:.5g} s' for lasts, start in zip(
+    rests = ', '.join(f'{lasts:.4g} s at {round(start, 3):.5g} s' for lasts, start in zip(
         f['durations_s'], f['starts_s'], strict=True))
     more = f['rests'] - len(f['starts_s'])
     return ('the IMU moves during {share:%} of the samples: only the {rest_s:.4g} s at rest are '

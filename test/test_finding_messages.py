@@ -143,7 +143,7 @@ SAID = [
             half_rate=True),
     finding('turn_on_bias', GYRO, sigma=1e-3, sigma_low=5e-4, sigma_high=3e-3, unit='rad/s'),
     finding('motion', count=2, excluded_s=345.0),
-    finding('rest_within_motion', share=0.88, rest_s=46.5, rests=7, starts_s=[183.0, 263.0],
+    finding('rest_within_motion', share=0.88, rest_s=46.5, rests=7, starts_s=[2.56e-07, 263.0],
             durations_s=[15.5, 15.5]),
     finding('motion_kept', count=1, seen_s=3.0, first_s=59.0),
     finding('receive_clock', flaw='zero'),
