@@ -153,6 +153,12 @@ def test_a_process_is_seldom_reported_as_a_random_walk_and_makes_no_flicker_too_
     assert sum(one.observable and one.ci95[0] > SLOW[B] for one in flicker) <= 1
 
 
+def test_flicker_that_begins_to_show_is_seldom_reported_as_a_random_walk():
+    # In five minutes of a consumer gyroscope. With a prior that is twice as high, three do.
+    axes = simulated({N: 1.4e-4, B: 4.85e-5, K: 1.6e-6}, 3000, RATE, range(24, 44))
+    assert sum(axis.coefficients[K].observable for axis in axes) <= 1
+
+
 # In two hours nearly as well as by the bound; an hour just shows it, of much weaker noise.
 @pytest.mark.parametrize(('terms', 'samples', 'first', 'seen', 'held', 'width'), [
     # Two of ten outside come once in 12 such tests, three once in 90; these are fixed.

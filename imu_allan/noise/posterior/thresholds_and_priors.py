@@ -51,7 +51,7 @@ EXPONENT_SPREAD = 0.35
 """Standard deviation about 1 of the exponent of slow noise in real sensors."""
 EXPONENT_ODDS = 0.1
 """Prior odds of slow noise with another exponent against flicker."""
-WITHOUT_FLICKER = 0.3
+WITHOUT_FLICKER = 0.15
 """Prior factor of each slower noise without flicker: every sensor has some, and it shows first."""
 UNSEEN_LEVEL = 0.2
 """Prior density of the log level of a half-octave above an edge."""
