@@ -191,7 +191,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         highest = interval(points.avar[:, axis], np.array(curve.edf), CERTAIN)[1]
         coefficients |= {
             key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
-            for key in SLOW_TERMS}
+            for key in (*SLOW_TERMS, 'rate_ramp')}
     # The design column of unit white noise turns power into density, at every stage.
     density = found.whole.power / found.whole.design[:, WHITE]
     frequency = found.whole.frequency

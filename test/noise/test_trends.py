@@ -11,6 +11,7 @@ from characterized import (
     K,
     N,
     results_of,
+    simulated,
     taken_in,
 )
 from imu_allan.noise.simulate import simulate
@@ -195,6 +196,13 @@ def test_a_ramp_is_as_uncertain_as_the_trends_beside_it():
     for axis, _ in results_of(taken_in(np.transpose(records)), RATE):
         found = axis.trend.ramp
         assert found is None or found.ci95[0] < ramp < found.ci95[1]
+
+
+def test_no_bound_of_a_ramp_lies_above_the_measured_curve():
+    # Beside a warm-up of the opposite sign, one a thousand times as steep fits as well.
+    for axis in simulated(NOISES['flicker'], 3000, RATE, (362, 363, 370)):
+        tau, adev = axis.curve.tau_s[-1], axis.curve.adev[-1]
+        assert axis.coefficients['rate_ramp'].upper95 * tau / np.sqrt(2) < 50 * adev
 
 
 @pytest.mark.parametrize('at', [3_000, 18_000, 33_000])
