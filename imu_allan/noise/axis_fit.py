@@ -8,8 +8,9 @@ from itertools import pairwise
 
 from imu_allan.noise import stationarity
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
-from imu_allan.noise.posterior.estimates import expected, fitted_trend
+from imu_allan.noise.posterior.estimates import expected, fitted_trend, leak_of_ends
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
+from imu_allan.noise.posterior.likelihood import Q
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
@@ -93,7 +94,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     bank = Bank(sources[0].record, kinds_of_trends(temperature))
     sources = _without_cycles(sources, finished, heat, bank)
     first = _weighed(sources, dt, bank)
-    for without in (_without_found_cycle, _without_found_trends):
+    for without in (_beside_ends, _without_found_cycle, _without_found_trends):
         calm = [without(source, posterior, finished)
                 for source, posterior in zip(sources, first, strict=True)]
         again = [number for number, source in enumerate(sources)
@@ -155,6 +156,8 @@ class _Source:
 
     def differs_from(self, other: '_Source') -> bool:
         """Return whether the log likelihood of a model may differ by a tenth of a nat."""
+        if self.record.ends != other.record.ends:
+            return True
         own, before = self.capped, other.capped
         # Samples that repeat exactly have powers of zero.
         return len(own.dof) != len(before.dof) or bool(0.5 * np.abs(
@@ -232,6 +235,17 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
                            source.record.sections, source.record.dt)
         left.append(replace(source, record=without_lines(source.record, lines_hz(lines))))
     return left
+
+
+def _beside_ends(source: _Source, posterior: Posterior, _: Estimator) -> _Source:
+    """Allow for both ends of a record, where strong quantization noise does not average out."""
+    parts = sum(section.coefficients is not None for section in source.record.sections)
+    model = next((one for one in posterior.models if one.row.has[0, Q]), None)
+    # Each part between long gaps has ends of its own.
+    if model is None or parts != 1:
+        return source
+    return source if leak_of_ends(model, source.record) < 0.1 else replace(
+        source, record=source.record.beside_ends())
 
 
 def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:

@@ -6,7 +6,18 @@ import json
 
 from battery.bounds import reference_widths, term_power
 from battery.sensors import Sensor
-from characterized import B, characterized, covers, ends, holds, K, N, simulated
+from characterized import (
+    B,
+    characterized,
+    covers,
+    ends,
+    holds,
+    K,
+    N,
+    results_of,
+    simulated,
+    taken_in,
+)
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
 from imu_allan.noise.simulate import simulate
@@ -212,6 +223,20 @@ def test_white_noise_below_strong_quantization_noise_is_found_with_honest_interv
     assert sum(holds(one, 2e-6) for one in found) >= 21
     assert np.std([np.log(one.value / 2e-6) for one in found]) < 0.03
     assert all(axis.stationarity.steady for axis in axes)
+
+
+@pytest.mark.parametrize(('terms', 'samples'), [
+    ({'quantization_noise': 1.0}, 60_000), ({'quantization_noise': 1.0}, 4_000),
+    ({'quantization_noise': 4.8e-6, N: 2e-7}, 120_000)])
+def test_nothing_else_is_found_in_quantization_noise(terms, samples):
+    records = np.transpose([simulate(terms, samples, 200.0, seed) for seed in range(12)])
+    found = results_of(taken_in(records), 200.0)
+    assert sum(holds(axis.coefficients['quantization_noise'], terms['quantization_noise'])
+               for axis, _ in found) >= 10
+    for axis, remarks in found:
+        assert seen(axis) <= set(terms)
+        # It falls towards low frequencies by itself, and its ends are no drift of the mean.
+        assert remarks.keys() <= {'short_record', 'implausible'}
 
 
 @pytest.mark.parametrize(('key', 'clearly'), [('quantization_noise', 2.5), (B, 6), (K, 20)])

@@ -326,6 +326,14 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
 
 
+def leak_of_ends(model: Drawn, record: RecordSpectrum) -> float:
+    """Return the largest share of a coefficient that quantization noise leaks from both ends."""
+    unit = model.spectra.unit[int(model.row.of[0]), Q]
+    leak = np.exp(2 * model.row.x[0, Q]) * unit**2 * record.leak_of_ends
+    lam = np.interp(record.bins.frequency, model.spectra.frequency, expected(model)[0])
+    return float((leak / lam).max())
+
+
 def filtered(posterior: Posterior) -> Drawn | None:
     """Return the most probable model with a filter, if there probably is one, or with an edge."""
     if posterior.edge is None and weight_of(posterior, bends) <= thresholds.OBSERVABLE:

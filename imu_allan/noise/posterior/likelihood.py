@@ -355,7 +355,8 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     fall = there * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
     value = -np.log1p(fall).sum(axis=1)
     slope[:, AMPLITUDES] = 2 * fall / (1 + fall)
-    bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2
+    # As for a nuisance, its range limits the uncertainty of what the record leaves open.
+    bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2 + there * 4 / priors.COVERED**2
     exponent = rows.has[:, ALPHA]
     if exponent.any():
         # Normal about the exponent of flicker.

@@ -116,7 +116,9 @@ def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, lea
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
     # The pass band of a very slow filter may lie below all of these.
     reference = np.maximum(reference, least)
-    return np.asarray(np.maximum(passed / reference[:, None], 1e-9))
+    passed = np.maximum(passed / reference[:, None], 1e-9)
+    # No low-pass attenuates what lies below the peak, such as noise below a rising quantization.
+    return np.where(np.arange(len(nu)) < (level / white).argmax(axis=1)[:, None], 1.0, passed)
 
 
 def _just_seen(table: Table, like: Array, information: Array) -> Array:

@@ -47,6 +47,9 @@ LEAK_KNOWN = 2e-4
 
 # -------------------------------------------------------------- priors that concern several shapes
 
+COVERED = 6.0
+"""Range of the log amplitude of a term that a record covers; it limits the uncertainty of noise
+that quantization noise hides."""
 EXPONENT_SPREAD = 0.35
 """Standard deviation about 1 of the exponent of slow noise in real sensors."""
 EXPONENT_ODDS = 0.1

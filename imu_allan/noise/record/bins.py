@@ -64,6 +64,11 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same with a cache for blocks, which have few lengths, unlike whole records."""
 
 
+def quantization_leak(index: Ints, length: Array | int, step_s: Array | float) -> Array:
+    """Return the power of quantization noise 1 that leaks from both ends of a block."""
+    return np.asarray(4 * np.cos(np.pi * index / (2 * length))**2 / (length * step_s**2))
+
+
 def white_through_interpolation(nu: Array, share: float) -> Array:
     """
     Return the power of white noise with interpolated samples, relative to a full record.
@@ -98,8 +103,7 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float 
             white *= section.gaps.white[part]
         # Flicker changes over each gap as it does not over the line that fills it.
         flicker = flicker * (1 - section.gaps.filled)
-        # The second part of the quantization column is leakage from both ends of a block.
-        quantized = 4 * (s2 + (1 - s2) / section.length) / step**2
+        quantized = 4 * s2 / step**2 + quantization_leak(index, section.length, step)
         design = np.stack((quantized, white, flicker, step * random_walk), axis=1)
         ramp = spectrum.ramp_dct(section.length, step)[section.first - 1:section.last - 1]
         if section.coefficients is None:

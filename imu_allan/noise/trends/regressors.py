@@ -13,12 +13,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from imu_allan.arrays import Array, Bools
-from imu_allan.noise.record.bins import Bins
-from imu_allan.noise.record.groups import grouped, Groups
+from imu_allan.noise.record.bins import Bins, quantization_leak
+from imu_allan.noise.record.groups import grouped, Groups, QUANTIZATION
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.trends.leakage import LARGEST_LEAK, leaks, Waveform
 import numpy as np
 from scipy.fft import dct
+
+_ENDS: tuple[Waveform, ...] = (
+    lambda time: np.asarray(np.arange(len(time)) == 0, np.float64),
+    lambda time: np.asarray(np.arange(len(time)) == len(time) - 1, np.float64))
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,10 @@ class RecordSpectrum:
     axis: int
     dt: float    # sample interval in seconds
     keep: Bools | None = None    # (bins,): False for bins of a line
-    # Regressors of every fit, in order after the ramp
+    # Trends that are regressors of every fit
     trends: tuple[Waveform, ...] = ()
+    # Whether the first and the last cell are regressors of every fit, before the trends
+    ends: bool = False
     # Whether to keep bands without bins, at zero weight, so that all axes have the same bands
     aligned: bool = False
 
@@ -52,7 +58,8 @@ class RecordSpectrum:
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
         """Regressors of the trends that are part of every fit."""
-        return (regressors(self.sections, self.dt, self.trends),) if self.trends else ()
+        every = self.everywhere
+        return (regressors(self.sections, self.dt, every),) if every else ()
 
     @cached_property
     def _without_trends(self) -> Groups:
@@ -67,6 +74,28 @@ class RecordSpectrum:
         # Excluded bins get a negligible weight instead, so that their bands remain.
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
         return replace(self.bins, dof=dof), self.axis, None
+
+    @property
+    def everywhere(self) -> tuple[Waveform, ...]:
+        """Return the regressors of every fit, in order after the ramp."""
+        return (*(_ENDS if self.ends else ()), *self.trends)
+
+    @property
+    def leak_of_ends(self) -> Array:
+        """Power that quantization noise 1 leaks into the whole-record bins from its ends."""
+        bins = self.bins
+        return bins.whole * quantization_leak(bins.index, bins.length, bins.step * self.dt)
+
+    def beside_ends(self) -> 'RecordSpectrum':
+        """
+        Return the same spectrum with the first and the last cell as regressors of every fit.
+
+        Quantization noise telescopes, so that it leaks from just these two into all slow
+        coefficients, which then vary together. A fit that allows for both is free of it.
+        """
+        design = self.bins.design.copy()
+        design[:, QUANTIZATION] = np.maximum(design[:, QUANTIZATION] - self.leak_of_ends, 0.0)
+        return replace(self, bins=replace(self.bins, design=design), ends=True)
 
     def with_trends(self, trends: Sequence[Waveform]) -> 'RecordSpectrum':
         """Return the same spectrum with further trends in every fit."""
