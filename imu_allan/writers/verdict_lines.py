@@ -3,6 +3,7 @@
 """One-line verdicts on the sensors, shown first by terminal, report and the node's log."""
 
 from collections.abc import Mapping, Sequence
+import math
 from typing import Literal
 
 from imu_allan.finding import Finding
@@ -85,8 +86,9 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
             text, low, high = measured(*(scale * number for number in (value, *ends)))
             parts.append(f'{symbol}: {text} {unit} ({low} to {high})')
             continue
-        waits = [c.observable_in_s for c in cells if c.observable_in_s]
-        longer = f'; record about {about(rest_s + min(waits))}' if waits else ''
+        # For all axes; one alone may look promising by chance.
+        waits = [c.observable_in_s or math.inf for c in cells]
+        longer = '' if math.inf in waits else f'; record about {about(rest_s + max(waits))}'
         hidden = f': not visible in {duration(rest_s)}{longer}'
         if parts[-1].endswith(hidden):
             symbol = f'{parts.pop().removesuffix(hidden)} and {symbol}'
