@@ -29,11 +29,20 @@ from imu_allan.noise.record.periodogram import (
     whole_section,
     whole_sections,
 )
-from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
+from imu_allan.noise.record.segments import (
+    BLOCK,
+    layout,
+    MEANS,
+    OCTAVES,
+    PER_OCTAVE,
+    SHORTEST_SEGMENT,
+)
 import numpy as np
 
 _DEPTH = 40
 """Bands are numbered from this many octaves below the sample rate: 30 years at 1 kHz."""
+_LEAK = 10.0
+"""Least density of a band, relative to what leaks into it of quantization noise above."""
 _SEGMENT_PARTS = 16
 """Drift of a segment: standard deviation of the means of this many parts. Chosen by judgment."""
 
@@ -45,6 +54,9 @@ class SegmentPowers:
     frequency: Array    # (bands,): middle of each band, in cycles per sample
     power: Array    # (axes, segments, bands): mean power
     dof: Array    # (segments, bands)
+    # (bands,): samples averaged into one point of the transform of a band, and samples in a block
+    step: Array
+    block: Array
     duration: Array    # (segments,): samples in each segment
     start: Array    # (segments,): index of the first sample, with runs joined end to end
     # (axes, segments): mean relative to the reference, and standard deviation of the means of
@@ -135,6 +147,10 @@ def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
 def _powers(periodogram: Periodogram, power: Array, dof: Array,
             parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
     """Return mean powers, and means and drift of parts; their sections are added to the sums."""
+    border = layout(BLOCK, 1).first / (2 * BLOCK)
+    middle = 2.0 ** ((np.arange(dof.shape[1]) + 0.5) / PER_OCTAVE - _DEPTH)
+    step = np.where(middle < border, float(MEANS), 1.0)
+    block = np.where(middle < border, float(SHORTEST_SEGMENT), float(BLOCK))
     for part, (_, sections) in enumerate(parts):
         for section in sections:
             # Coefficients 1 and 2 hold the trend of a segment, not its noise.
@@ -144,6 +160,7 @@ def _powers(periodogram: Periodogram, power: Array, dof: Array,
             for axis, row in enumerate(section.power[:, index]):
                 power[axis, part] += np.bincount(band, row, dof.shape[1])
             dof[part] += np.bincount(band, minlength=dof.shape[1])
+            step[band], block[band] = section.step, section.length * section.step
     seen = np.flatnonzero(dof.sum(axis=0))
     dof = dof[:, seen]
     keys = periodogram.series.keys
@@ -153,7 +170,7 @@ def _powers(periodogram: Periodogram, power: Array, dof: Array,
     duration, mean, drift, drift_samples = zip(
         *(_part_means(cells) for cells, _ in parts), strict=True)
     return SegmentPowers(
-        2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH), power[:, :, seen] / np.maximum(dof, 1), dof,
+        middle[seen], power[:, :, seen] / np.maximum(dof, 1), dof, step[seen], block[seen],
         np.array(duration), np.array(start), np.stack(mean, axis=1), np.stack(drift, axis=1),
         np.array(drift_samples))
 
@@ -182,6 +199,10 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
     level = powers.level(axis)
     if keep.any():
+        # Quantization noise leaks from both ends of a block into all of its bands.
+        density = np.where(keep, level * powers.step, 0.0)
+        peak = np.maximum.accumulate(density[::-1])[::-1]
+        keep &= density > _LEAK * peak / powers.block
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
             # Bands above twice the level of the fastest octave hold drift, not white noise.

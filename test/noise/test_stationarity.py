@@ -8,7 +8,7 @@ from characterized import B, characterized, K, N, several, simulated
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.stationarity import short_powers, steadiness
+from imu_allan.noise.stationarity import segment_powers, short_powers, steadiness
 import numpy as np
 import pytest
 from repeated import slow
@@ -24,6 +24,15 @@ def test_noise_that_stays_the_same_is_steady():
     found = [axis.stationarity for axis in simulated(SENSOR, 65_536, RATE, range(20))]
     assert all(one.steady for one in found)
     assert sum(one.p_value < 0.01 for one in found) <= 2
+
+
+def test_strong_quantization_noise_is_steady():
+    # Three hours of a ring-laser gyroscope: one arc second, and far less white noise.
+    terms = {'quantization_noise': 4.8e-6, N: 2e-7}
+    estimator = Estimator(12)
+    estimator.update(np.transpose([simulate(terms, 2_160_000, 200.0, seed) for seed in range(12)]))
+    powers = segment_powers(estimator.finished().periodogram)
+    assert all(steadiness(powers, axis, 1 / 200).steady for axis in range(12))
 
 
 @pytest.mark.parametrize(('samples', 'louder', 'until', 'between'), [
