@@ -8,9 +8,8 @@ from itertools import pairwise
 
 from imu_allan.noise import stationarity
 from imu_allan.noise.faults import axis_fault, steps_hide_noise
-from imu_allan.noise.posterior.estimates import expected, fitted_trend, leak_of_ends
+from imu_allan.noise.posterior.estimates import expected, fitted_trend, leaks_from_ends
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
-from imu_allan.noise.posterior.likelihood import Q
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
@@ -239,13 +238,8 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Seq
 
 def _beside_ends(source: _Source, posterior: Posterior, _: Estimator) -> _Source:
     """Allow for both ends of a record, where strong quantization noise does not average out."""
-    parts = sum(section.coefficients is not None for section in source.record.sections)
-    model = next((one for one in posterior.models if one.row.has[0, Q]), None)
-    # Each part between long gaps has ends of its own.
-    if model is None or parts != 1:
-        return source
-    return source if leak_of_ends(model, source.record) < 0.1 else replace(
-        source, record=source.record.beside_ends())
+    return replace(source, record=source.record.beside_ends()) \
+        if leaks_from_ends(posterior, source.record) else source
 
 
 def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:

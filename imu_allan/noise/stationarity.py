@@ -31,7 +31,6 @@ from imu_allan.noise.record.periodogram import (
 )
 from imu_allan.noise.record.segments import (
     BLOCK,
-    layout,
     MEANS,
     OCTAVES,
     PER_OCTAVE,
@@ -147,10 +146,10 @@ def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
 def _powers(periodogram: Periodogram, power: Array, dof: Array,
             parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
     """Return mean powers, and means and drift of parts; their sections are added to the sums."""
-    border = layout(BLOCK, 1).first / (2 * BLOCK)
     middle = 2.0 ** ((np.arange(dof.shape[1]) + 0.5) / PER_OCTAVE - _DEPTH)
-    step = np.where(middle < border, float(MEANS), 1.0)
-    block = np.where(middle < border, float(SHORTEST_SEGMENT), float(BLOCK))
+    of_means = middle < HIGHEST_OF_MEANS / MEANS
+    step = np.where(of_means, float(MEANS), 1.0)
+    block = np.where(of_means, float(SHORTEST_SEGMENT), float(BLOCK))
     for part, (_, sections) in enumerate(parts):
         for section in sections:
             # Coefficients 1 and 2 hold the trend of a segment, not its noise.

@@ -187,7 +187,7 @@ def _free_amplitudes(posterior: Posterior, x: Array, has: Bools) -> Array:
 def _estimate(values: Array, there: Bools, weight: Array, least: float,
               seen: float = 0.0) -> Estimate:
     """Estimate presence, and the quantiles given presence; `seen` is the detection limit."""
-    presence = min(float(weight[there].sum()), 1.0)
+    presence = min(float(weight[there].sum() / weight.sum()), 1.0)
     low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
                         else (0.0, 0.0, 0.0))
     # No bound is lower than 1.4 times the detection limit.
@@ -326,12 +326,17 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
 
 
-def leak_of_ends(model: Drawn, record: RecordSpectrum) -> float:
-    """Return the largest share of a coefficient that quantization noise leaks from both ends."""
+def leaks_from_ends(posterior: Posterior, record: RecordSpectrum) -> bool:
+    """Return whether quantization noise at both ends of a record is a tenth of a coefficient."""
+    model = next((one for one in posterior.models if one.row.has[0, Q]), None)
+    parts = sum(section.coefficients is not None for section in record.sections)
+    # Each part between long gaps has ends of its own.
+    if model is None or parts != 1:
+        return False
     unit = model.spectra.unit[int(model.row.of[0]), Q]
     leak = np.exp(2 * model.row.x[0, Q]) * unit**2 * record.leak_of_ends
     lam = np.interp(record.bins.frequency, model.spectra.frequency, expected(model)[0])
-    return float((leak / lam).max())
+    return bool((leak > 0.1 * lam).any())
 
 
 def filtered(posterior: Posterior) -> Drawn | None:

@@ -225,8 +225,8 @@ class AxisBank:
         # The lower limit keeps products with the reciprocal finite.
         root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
         others = [self._ramp[:, None]]
-        if self.record.everywhere or beside:
-            trends = [*self.record.everywhere, *waveforms(beside, self.shared.duration_s)]
+        if self.record.in_every_fit or beside:
+            trends = [*self.record.in_every_fit, *waveforms(beside, self.shared.duration_s)]
             others.append(regressors(
                 self.record.sections, self.record.dt, trends, self._slowest)[self._which])
         basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]

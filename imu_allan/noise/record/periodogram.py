@@ -218,7 +218,7 @@ class Periodogram(MultiAxis):
         border = top / self.cell
         # The first 128 coefficients of a block are left to the next stage, of finer resolution.
         # Quantization noise at both ends of a block leaks equally into all of them, so that they
-        # vary together; in later ones it is less than a tenth of the quantization noise itself.
+        # vary together; in later ones it is at most a tenth of the quantization noise itself.
         lowest = HIGHEST_OF_MEANS / MEANS
         for i, stage in reversed([*enumerate(self.stages)]):
             step = MEANS**i

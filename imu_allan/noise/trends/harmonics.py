@@ -131,8 +131,8 @@ class _Slow:
         self._root = 1 / np.sqrt(variance[self.here])
         self._signal = self._root * bins.coefficient[record.axis, self.here]
         known = [bins.of_ramp[self.here, None]]
-        if record.everywhere:
-            known.append(self.transformed(record.everywhere))
+        if record.in_every_fit:
+            known.append(self.transformed(record.in_every_fit))
         self._known = self._root[:, None] * np.column_stack(known)
         self.waves = self.transformed([wave for order in range(1, harmonics + 1)
                                        for wave in cycle(order * frequency_hz, self.middle_s)])

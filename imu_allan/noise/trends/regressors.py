@@ -58,7 +58,7 @@ class RecordSpectrum:
     @cached_property
     def _columns(self) -> tuple[Array, ...]:
         """Regressors of the trends that are part of every fit."""
-        every = self.everywhere
+        every = self.in_every_fit
         return (regressors(self.sections, self.dt, every),) if every else ()
 
     @cached_property
@@ -76,7 +76,7 @@ class RecordSpectrum:
         return replace(self.bins, dof=dof), self.axis, None
 
     @property
-    def everywhere(self) -> tuple[Waveform, ...]:
+    def in_every_fit(self) -> tuple[Waveform, ...]:
         """Return the regressors of every fit, in order after the ramp."""
         return (*(_ENDS if self.ends else ()), *self.trends)
 
