@@ -379,8 +379,10 @@ WORDS: Mapping[str, Words] = {
     'poor_fit': Words(
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
         'The spectrum leaves the model by more than chance.',
-        says='no sum of noise terms describes this spectrum: the best is off by '
-             '{misfit_share:%}',
+        # A signal without noise leaves only rounding, and a model that is off by its range.
+        says=lambda f: 'no sum of noise terms ' + (
+            'describes this spectrum: the best is off by {misfit_share:%}'
+            if f['misfit_share'] < 10 else 'comes within a factor of ten of this spectrum'),
         do='look for vibration, or a filter in the sensor or driver', brief='no noise model fits'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',

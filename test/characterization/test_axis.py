@@ -65,6 +65,12 @@ def test_what_is_worth_telling_has_its_code():
     assert not axis.goodness_of_fit.acceptable
 
 
+def test_the_misfit_of_a_ramp_without_noise_is_no_number():
+    with pytest.warns(UserWarning, match='poor_fit: no sum of noise terms comes within a factor '
+                                         r'of ten of this spectrum\. -> '):
+        characterize(1e-3 * np.arange(60_000) / RATE, RATE)
+
+
 @pytest.mark.parametrize(('step', 'severity'), [(0.015, 'know'), (0.03, 'act'), (0.1, 'act')])
 def test_steps_that_falsify_the_noise_density_are_a_warning_of_python(step, severity):
     # Midway between two steps even the smallest noise is output as half a step.
