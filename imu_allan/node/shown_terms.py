@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Decide which terms of repeated fits to a growing record may be published as observable.
+Decide which terms and findings of repeated fits to a growing record may be published.
 
 A test that is repeated sixty times is passed by chance more often than a single one. Therefore a
 term is observable only if every fit has shown it since the record was `GROWTH` times shorter.
@@ -22,6 +22,11 @@ PROBABLE = 0.99
 """Smallest probability of a term: one in a hundred is wrong if the fit's probabilities are right.
 Of 450 terms of 75 IMUs, 29 were shown and 1 was wrong (`bench/bench_looks.py --seeds 100:125`).
 With 0.9, 1 of 14 is wrong on the axes above: flicker taken for a random walk."""
+BY_CHANCE = frozenset((
+    'band_limited', 'bias_step', 'gauss_markov', 'high_passed', 'not_steady', 'poor_fit',
+    'power_law', 'slow_cycle', 'thermometer', 'tones', 'trend_or_walk', 'warm_up'))
+"""Findings that a fit may have by chance: two in a row have to. Ten IMUs behind a low-pass, fitted
+16 times each within two minutes, have 22 that are withdrawn, and 2 of them lasted for two fits."""
 
 
 @dataclass
@@ -41,6 +46,7 @@ class ShownTerms(Record):
     def __post_init__(self) -> None:
         self._growing = True
         self._expected: dict[str, list[tuple[float, float]]] = {}
+        self._found: set[tuple[str, str]] = set()
 
     def judged(self, result: Result, *, more_comes: bool = True) -> Result:
         """Return the result to publish; waiting times are given only if `more_comes`."""
@@ -50,6 +56,8 @@ class ShownTerms(Record):
             term: self._coefficient(f'{name}/{term}', found)
             for term, found in axis.coefficients.items()})
             for name, axis in result.axes.items()}
+        before, self._found = self._found, {
+            (one.code, axis) for one in result.warnings for axis in one.axes or ('',)}
         # A dependence on temperature may be chance, too.
         unsure = {name for name, axis in axes.items() if not self._lasts(
             f'{name}/temperature', axis.trend is not None and axis.trend.temperature is not None)}
@@ -58,7 +66,9 @@ class ShownTerms(Record):
             replace(axis, trend=replace(axis.trend, temperature=None))
             for name, axis in axes.items()}, warnings=tuple(
                 one for one in result.warnings
-                if one.code != 'temperature' or not unsure.intersection(one.axes)))
+                if (one.code != 'temperature' or not unsure.intersection(one.axes))
+                and (one.code not in BY_CHANCE or not more_comes or any(
+                    (one.code, axis) in before for axis in one.axes or ('',)))))
 
     def _see_growth(self, result: Result) -> None:
         """Note whether messages make the record longer: not in motion, nor with held values."""

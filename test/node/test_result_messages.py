@@ -292,6 +292,20 @@ def test_of_repeated_looks_a_dependence_on_temperature_that_lasts_is_published(r
             (heat, (said,)) if shown else (None, ())), time
 
 
+def test_what_one_look_finds_by_chance_is_not_said_unless_it_is_the_last(result):
+    looks = ShownTerms()
+    line, dead = finding('band_limited', ('gyro_x',), edge_hz=20.0), finding(
+        'constant_axis', ('gyro_y',), value=0.1, unit='rad/s')
+    warm = finding('thermometer', fault='constant')
+    for time, found, more_comes, said in (
+            (3, (line, dead, warm), True, (dead,)), (9, (line, dead), True, (line, dead)),
+            (11, (dead,), True, (dead,)), (14, (line.of('accel_x'),), True, ()),
+            (17, (line, warm), True, ()), (20, (line, warm), True, (line, warm)),
+            (20, (line.of('gyro_z'),), False, (line.of('gyro_z'),))):
+        one = replace(at(result, float(time), False), warnings=found)
+        assert looks.judged(one, more_comes=more_comes).warnings == said, time
+
+
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
     setup = Setup('/imu', TimelineOptions())
     run = new_run(setup)
