@@ -375,7 +375,8 @@ WORDS: Mapping[str, Words] = {
               'coefficient: at least {needed} are needed',
               '{coefficient:term} is not visible in {duration_s:time}: only an upper bound is '
               'given'),
-        do='record for longer', live='wait, or let it run overnight'),
+        do='record for longer', live='wait, or let it run overnight',
+        brief='{samples:count sample} in {duration_s:time}'),
     'poor_fit': Words(
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
         'The spectrum leaves the model by more than chance.',
@@ -397,9 +398,10 @@ WORDS: Mapping[str, Words] = {
         'thermometer', 'The temperature cannot be used.', 'Its readings are few or constant.',
         says=_by_fault(
             short='the temperature covers {covered_share:%} of the record: it is not used',
-            constant='the temperature never changes: its effect cannot be measured',
+            constant='the temperature has not changed: its effect cannot be measured',
             unread='the temperature was not read: {reason}'),
-        do='record the temperature all the time and finely, or leave it out'),
+        do='record the temperature all the time and finely, or leave it out',
+        live='publish the temperature all the time and finely'),
     'trend_or_walk': Words(
         'trend or random walk',
         'The slowest part may be a random walk or deterministic drift: K is an upper bound.',

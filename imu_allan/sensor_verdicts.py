@@ -20,8 +20,9 @@ def sensor_verdicts(result: Result) -> dict[str, SensorVerdict]:
     for sensor in ('gyro', 'accel'):
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         if axes:
+            # As it is shown: a minute by stamps in microseconds may last 59.9999 s.
             found[sensor] = _verdict(axes, [one for one in result.warnings if concerns(
-                one, sensor)], result.timeline.rest_s)
+                one, sensor)], round(result.timeline.rest_s, 1))
     return found
 
 

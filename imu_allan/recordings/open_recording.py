@@ -196,8 +196,8 @@ def _head(path: Path, stored: Path) -> bytes:
              'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
             ((b'\xff\xfe', b'\xfe\xff'),
              'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
-            ((b'\x1f\x8b', b'PK\x03\x04'), 'compressed with gzip or zip; take its files out, or '
-             'save it as plain text in CSV')):
+            ((b'\x1f\x8b', b'PK\x03\x04'),
+             'compressed with gzip or zip; take the recording out of it')):
         if head.startswith(first_bytes):
             raise ImuAllanError(f'{printable(path)}: {what}')
     return head

@@ -99,9 +99,10 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
 def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str, ...]:
     """Return the reasons with figures, and by name; the findings themselves are shown below."""
     rest_s = result.timeline.rest_s
-    if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
-        return f'{duration(rest_s)} at rest',
     found = [one for one in for_display(result.warnings) if concerns(one, sensor)]
+    if (rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',)
+            and not any('samples' in one.values for one in found if one.code in because)):
+        return f'{duration(rest_s)} at rest',
     said: list[tuple[str, str]] = []
     for code in because:
         same = [one for one in found if one.code == code]

@@ -115,8 +115,8 @@ def test_of_all_topics_the_one_without_a_coefficient_is_named(tmp_path, fails_wi
             stamp = START_NS + number * 10**7
             for topic in ['/imu', '/short'][:1 + (number < 20)]:
                 write(topic, stamp, encode_imu(stamp, row, 'imu'))
-    fails_with(f'{path}, topic /short: no coefficient. Gyroscope: not usable: 200 ms at rest. '
-               'Accelerometer: not usable: 200 ms at rest.',
+    fails_with(f'{path}, topic /short: no coefficient. Gyroscope: not usable: 20 samples in 200 '
+               'ms. Accelerometer: not usable: 20 samples in 200 ms.',
                'analyze', path, '--all-topics')
 
 

@@ -59,6 +59,10 @@ def test_a_first_screen_is_as_it_was_and_begins_with_what_a_newcomer_wants(name)
      10_800.0, {
         'Gyroscope': 'use with care: the noise changed by 10 % (z).',
         'Accelerometer': 'use with care: bias step (z), not steady (x and y).'}),
+    # A minute by stamps in microseconds.
+    ({}, (), 59.9999, {}),
+    ({}, (finding('short_recording', samples=40, duration_s=40.0, needed=64, severity='act'),),
+     40.0, dict.fromkeys(('Gyroscope', 'Accelerometer'), 'use with care: 40 samples in 40 s.')),
     ({}, (), 5.6, {'Gyroscope': 'not usable: 5.6 s at rest.',
                    'Accelerometer': 'not usable: 5.6 s at rest.'})])
 def test_the_first_lines_are_the_verdict_on_each_sensor(result, changed, warnings, seconds, said):

@@ -186,7 +186,7 @@ EIGHT_FIELDS = (
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
      'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
     (b'\x1f\x8b\x08\x00',
-     'compressed with gzip or zip; take its files out, or save it as plain text in CSV'),
+     'compressed with gzip or zip; take the recording out of it'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s; '
      "--columns gives another unit, as in 'gyro_x=NAME deg/s'"),
     *((f'{header}\n0,5,6\n', f'columns {both} are both {meaning}; --columns names those to read, '
