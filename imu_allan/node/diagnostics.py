@@ -18,7 +18,7 @@ from imu_allan.node.result_messages import key_values, remark_values
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
-from imu_allan.timeline.options import RATE_TOLERANCE
+from imu_allan.timeline.memory import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, listed, spoken
 
 _PASSED = frozenset({'clock_jumps', 'field_absent', 'frozen', 'motion', 'rest_within_motion',

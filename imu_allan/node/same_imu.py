@@ -14,7 +14,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.node.state_file import UnusableState
 from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
-from imu_allan.timeline.options import RATE_TOLERANCE
+from imu_allan.timeline.memory import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
 

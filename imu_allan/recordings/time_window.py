@@ -8,8 +8,8 @@ from itertools import chain
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
-from imu_allan.timeline.clock import repeated
 from imu_allan.timeline.stamps import flaw_of
+from imu_allan.timeline.values import repeated
 from imu_allan.wording import duration
 import numpy as np
 

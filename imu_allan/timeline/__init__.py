@@ -8,7 +8,7 @@ the clock, measures the rate, finds lost, doubled and misplaced samples, and lea
 """
 
 from imu_allan.timeline.intake import NoAxes
-from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.memory import TimelineOptions
 from imu_allan.timeline.stage import TimelineStage
 from imu_allan.timeline.summary import TimelineSummary
 

@@ -1,22 +1,130 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a timeline: its counts, its decisions, and its position on the grid."""
+"""
+The state of a timeline.
+
+It consists of the options, the messages not yet processed, the counts, the decisions, and the
+position on the grid.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from imu_allan.arrays import Array
+from imu_allan.argument_checks import positive
+from imu_allan.arrays import Array, Bools
+from imu_allan.block import ImuBlock, joined
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Flaw
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
-from imu_allan.timeline.alive import Content
-from imu_allan.timeline.messages import Pending
 from imu_allan.timeline.motion import MotionDetector
-from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import Pace
 from imu_allan.timeline.stamps import SECOND, Stamps
+from imu_allan.timeline.values import Content
 import numpy as np
+
+RATE_TOLERANCE = 0.02
+"""Rates that differ by a larger share are different: a stated rate may be rounded, and a clock
+slightly off. Messages at another rate are left out; if they persist, the node begins another
+run."""
+
+
+@dataclass(frozen=True)
+class TimelineOptions:
+    """
+    What the user may decide about the timeline.
+
+    Attributes
+    ----------
+    clock : {'auto', 'header', 'receive'}
+        Which stamps to use; 'auto' takes header stamps unless they are unusable.
+    rate_hz : float or None
+        Sample rate stated by the user, which overrides the measured one.
+    force_rate : bool
+        Use the stated rate even if the measured one differs by more than 2 %.
+    gap_tolerance : int
+        Longest gap, in samples, that is interpolated by the local mean.
+    motion : {'exclude', 'keep'}
+        Whether motion and knocks are cut out.
+
+    """
+
+    clock: Literal['auto', 'header', 'receive'] = 'auto'
+    rate_hz: float | None = None
+    force_rate: bool = False
+    gap_tolerance: int = 5
+    motion: Literal['exclude', 'keep'] = 'exclude'
+
+    def __post_init__(self) -> None:
+        """Reject unknown values, which a state file may contain."""
+        if self.clock not in ('auto', 'header', 'receive'):
+            raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
+        if self.motion not in ('exclude', 'keep'):
+            raise ValueError(f'motion {self.motion!r} is not exclude or keep')
+        if self.rate_hz is not None:
+            positive('rate_hz', self.rate_hz)
+
+
+@dataclass(frozen=True)
+class Window(ImuBlock):
+    """Raw messages: the first `consumed` are processed now, the rest again in the next window."""
+
+    consumed: int = 0
+
+
+@dataclass
+class Pending(Record):
+    """Messages in order of arrival, held until there are enough to process."""
+
+    blocks: list[ImuBlock] = field(default_factory=list)
+    # A running count, as asking each block for its length costs more than its messages do.
+    messages: int = 0
+
+    def append(self, block: ImuBlock) -> None:
+        """Append the messages of a block."""
+        self.blocks.append(block)
+        self.messages += len(block)
+
+    def join(self) -> None:
+        """Join all messages into one block."""
+        if len(self.blocks) > 1:
+            self.blocks = [joined(self.blocks)]
+
+    def take(self, n: int, consumed: int) -> Window:
+        """Return the first `n` messages and discard the first `consumed` of them."""
+        # An error, as of messages without any axis, may leave more than one window.
+        later, beyond = [], self.messages - n
+        while beyond >= len(self.blocks[-1]):
+            later.append(self.blocks.pop())
+            beyond -= len(later[-1])
+        last = self.blocks.pop()
+        first = joined([*self.blocks, last.part(slice(len(last) - beyond))])
+        self.messages -= consumed
+        self.blocks = [block for block in (
+            first.part(slice(consumed, None)), last.part(slice(len(last) - beyond, None)),
+            *reversed(later)) if len(block)]
+        return Window(**vars(first), consumed=consumed)
+
+
+@dataclass(frozen=True)
+class Messages:
+    """Messages to be placed on the grid."""
+
+    # Stamps of the clock in use, and of the other clock, shape (n,).
+    stamps: Stamps
+    other: Stamps
+    samples: Array  # NaN only where an axis is absent, shape (n, 6)
+    consumed: int  # number of leading messages to place; the others only show what follows
+    # Messages with unusable values: they have a grid place, which stays empty, shape (n,).
+    void: Bools
+
+    def pick(self, rows: slice | Bools) -> 'Messages':
+        """Return the selected messages; those to be placed remain so."""
+        consumed = int(np.count_nonzero(rows[:self.consumed]) if isinstance(rows, np.ndarray)
+                       else len(self.stamps[:self.consumed][rows]))
+        return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
+                        self.void[rows])
+
 
 Clock = Literal['header', 'receive']
 

@@ -16,10 +16,8 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.intake import usable
-from imu_allan.timeline.memory import Decision, Memory
-from imu_allan.timeline.messages import Window
+from imu_allan.timeline.memory import Decision, Memory, TimelineOptions, Window
 from imu_allan.timeline.motion import MotionDetector
-from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary

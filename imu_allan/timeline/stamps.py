@@ -8,7 +8,6 @@ the receive stamp is when the recorder or the subscription got the message.
 """
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta, timezone
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.finding import Flaw
@@ -112,9 +111,3 @@ def off_a_line(places: Ints) -> Array:
     number = np.arange(len(places)) - (len(places) - 1) / 2
     off: Array = places - places.mean() - (number @ places) / (number @ number) * number
     return off
-
-
-def iso_time(stamp_ns: int) -> str:
-    """Format nanoseconds since 1970 as ISO-8601 in UTC."""
-    moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(microseconds=stamp_ns // 1000)
-    return moment.isoformat().replace('+00:00', 'Z')

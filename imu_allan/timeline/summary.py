@@ -1,21 +1,28 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Summary of the messages so far.
+Summary of the messages so far, with the findings about stamps, losses, gaps, values and motion.
 
-The result, `imu_allan info` and the node's /diagnostics all describe one
-`TimelineSummary`.
+The result, `imu_allan info` and the node's /diagnostics all describe one `TimelineSummary`.
+Findings about counts are reported above a threshold, which stands beside each. Those about
+decisions, such as the choice of a clock, come from intake.py, where it is decided.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta, timezone
+from math import log
+from typing import Any
 
-from imu_allan.finding import Finding
+from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Span, Timeline, Total
-from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
+from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
 from imu_allan.timeline.motion import MotionSummary
-from imu_allan.timeline.stamps import iso_time, SECOND
+from imu_allan.timeline.stamps import SECOND
+from imu_allan.timeline.values import Content
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,7 @@ def summarize(memory: Memory) -> TimelineSummary:
         boot_clock = cursor.first_ns < epoch_clock_ns
         first = max(cursor.first_ns, counts.receive.first_ns) if boot_clock else cursor.first_ns
         # A table that counts from zero has no date.
-        start = iso_time(first) if first >= epoch_clock_ns else None
+        start = _iso_time(first) if first >= epoch_clock_ns else None
     return TimelineSummary(
         timeline=Timeline(
             sample_rate_hz=rate, samples=counts.samples,
@@ -125,3 +132,182 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
     if passed <= 0 or not counts.paced_steps:
         return None
     return counts.paced_steps / passed * SECOND
+
+
+Figures = dict[str, dict[str, Any]]
+"""Figures of findings about the recording as a whole, by code."""
+
+
+def remarks_of(memory: Memory) -> tuple[Finding, ...]:
+    """Collect the findings; one about the recording as a whole appears once for each code."""
+    return (*(finding('axis_not_finite', (name,)) for name, no_number in zip(
+                AXES, memory.decision.not_finite, strict=True) if no_number),
+            *(finding(code, **found) for code, found in _figures(memory).items()),
+            *_slow_turns(memory.slow_turns))
+
+
+def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
+    """Bound the relative errors, too low and too high, of N due to faults of the stamps."""
+    either = _short_error(counts, decision) / 2 + _interpolation_error(counts)
+    return either, either + _hidden_error(decision)
+
+
+def _hidden_error(decision: Decision) -> float:
+    # Fewer hidden losses change the noise density by less than a tenth of a usual interval.
+    hidden = decision.pace.hidden
+    return hidden / 2 / (1 - hidden) if hidden >= 0.005 else 0.0
+
+
+def _short_error(counts: Counts, decision: Decision) -> float:
+    error = decision.pace.batch / max(counts.paced_steps, 1) if decision.pace.counting else 0.0
+    return error if error > 0.005 else 0.0
+
+
+def _interpolation_error(counts: Counts) -> float:
+    # With longer gaps in addition, 55 % are lost in all: up to there N is right.
+    many = counts.interpolated >= 0.51 * (counts.samples + counts.interpolated)
+    # On 36 axes N was off by up to 13 % with 57.5 % lost, by 19 % with 60 %; more losses are gaps.
+    return 0.25 if counts.interpolated and many else 0.0
+
+
+def mostly_motion(motion: MotionSummary) -> bool:
+    """Return whether a recording is in motion, without any stop that is long and quiet enough."""
+    # A stop at a traffic light is longer; a car between two bends is quiet for less. Rest with
+    # more than a third of the noise of motion is not rest, but a straight road.
+    return _moves(motion) and (motion.kept.longest_s < 5.0
+                               or motion.contrast < 0.999 * log(3.0) * 2 / 3)
+
+
+def _moves(motion: MotionSummary) -> bool:
+    # A single knock and its margins may be most of a short recording, which then is not moving. A
+    # lower limit on duration, and the share without margins, exclude that.
+    return motion.seen > 0 and (motion.cut.rows == motion.seen or (
+        motion.cut.total_s > 10.0
+        and motion.cut.rows > 0.5 * motion.seen
+        and motion.struck > 0.25 * motion.seen))
+
+
+def _figures(memory: Memory) -> Figures:
+    """Return the figures of findings about the recording as a whole, by code."""
+    counts, decision = memory.counts, memory.decision
+    motion = MotionSummary() if memory.motion is None else memory.motion.summary
+    figures = (decision.remarks | _content_figures(counts, memory.content)
+               | _clock_figures(memory))
+    clock = 'time' if decision.one_clock else decision.clock
+    if counts.clock_jumps:
+        figures['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
+    if decision.pace.counting:
+        hidden = _hidden_error(decision)
+        figures['uneven_stamps'] = {
+            'clock': clock, 'hidden_share': decision.pace.hidden if hidden else None,
+            'density_high_share': hidden or None,
+            'rate_error_share': _short_error(counts, decision) or None}
+    places = counts.samples + counts.interpolated
+    # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
+    if counts.interpolated > 0.05 * places:
+        figures['many_missing'] = {'share': counts.interpolated / places,
+                                   'density_error_share': _interpolation_error(counts) or None}
+    if counts.at_other_rate:
+        used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
+        # Time counts from the first sample used: messages left out before it have no time.
+        known = counts.rate_changed_s > 0
+        figures['rate_changed'] = {
+            'from_hz': used if known else other, 'to_hz': other if known else used,
+            'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
+            'most_left_out': counts.at_other_rate >= counts.samples}
+    if counts.other_frames:
+        figures['several_frames'] = {'frame_id': decision.frame_id,
+                                     'others': list(counts.other_frames),
+                                     'rejected': list(counts.other_frames.values())}
+    if counts.gravity_samples:
+        size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
+        # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
+        # judgment.
+        if abs(size - STANDARD_GRAVITY) > 0.5:
+            figures['gravity'] = {'mean': size}
+    if memory.options.motion == 'exclude':
+        return figures | _motion_figures(motion)
+    cut = motion.cut
+    if cut.listed:
+        figures['motion_kept'] = {'count': cut.count, 'seen_s': cut.total_s,
+                                  'first_s': cut.listed[0][0]}
+    return figures
+
+
+def _content_figures(counts: Counts, content: Content) -> Figures:
+    figures: Figures = {}
+    if content.frozen:
+        figures['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
+    if content.held and counts.header.repeats >= content.repeats:
+        # Polling gives a repeated value another stamp.
+        figures['repeated_part'] = {'messages': content.repeats}
+    elif content.held:
+        figures['held_values'] = {
+            'share': content.repeats / (content.repeats + content.changes)}
+    if counts.spikes:
+        figures['spikes'] = {'messages': counts.spikes}
+    # Less than one in a hundred are occasional driver faults. Chosen by judgment.
+    if counts.other_axes > 0.01 * counts.messages:
+        figures['field_absent'] = {'messages': counts.other_axes}
+    return figures
+
+
+def _clock_figures(memory: Memory) -> Figures:
+    """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
+    counts, decision = memory.counts, memory.decision
+    # With fewer messages, the lag of the receive stamps hides any difference.
+    if ((memory.options.clock, decision.clock) != ('auto', 'header') or decision.one_clock
+            or counts.header.last_ns is None or counts.receive.last_ns is None
+            or counts.messages < 256):
+        return {}
+    header = (counts.header.last_ns - counts.header.first_ns) / SECOND
+    receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
+    if counts.clock_jumps:
+        # Use the duration of the samples at the rate of the header. If it is shorter than the
+        # receive time, samples may be missing.
+        header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
+        header = max(header, receive)
+    # A crystal is off by millionths; a replay or a simulation by more than 5 %. The first receive
+    # stamps lag by what waited in a queue, usually of no more than 2.5 s. Chosen by judgment.
+    if not (receive > 0 and header > 0) or (
+            abs(log(header / receive)) < max(0.05, 2.5 / receive)):
+        return {}
+    return {'clock_speed': {'ratio': header / receive}}
+
+
+def _slow_turns(turns: Sequence[Sequence[float]]) -> list[Finding]:
+    """Report means that moved away and came back: the largest of each axis, and their number."""
+    found = []
+    for number, (axis, quantity) in enumerate(AXES.items()):
+        own = [one for one in turns if one[2] == number]
+        if own:
+            start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
+            found.append(finding('slow_motion', (axis,), size=size, unit=quantity.unit,
+                                 start_s=start, duration_s=lasts, count=len(own)))
+    return found
+
+
+def _motion_figures(motion: MotionSummary) -> Figures:
+    figures: Figures = {}
+    if mostly_motion(motion):
+        figures['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
+    elif _moves(motion):
+        # As many as fit into two lines of a terminal.
+        named = motion.kept.listed[:5]
+        figures['rest_within_motion'] = {
+            'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,
+            'rests': len(motion.kept.listed),
+            'starts_s': [start for start, _ in named],
+            'durations_s': [lasts for _, lasts in named]}
+    elif motion.cut.count:
+        figures['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
+    if motion.changes:
+        figures['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
+                                          'ratios': [ratio for _, ratio in motion.changes]}
+    return figures
+
+
+def _iso_time(stamp_ns: int) -> str:
+    """Format nanoseconds since 1970 as ISO-8601 in UTC."""
+    moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(microseconds=stamp_ns // 1000)
+    return moment.isoformat().replace('+00:00', 'Z')

@@ -5,7 +5,7 @@
 from dataclasses import replace
 from functools import partial
 
-from imu_allan.timeline.foreign_samples import alternates
+from imu_allan.timeline.values import alternates
 from imu_messages import codes, cut, run, said
 import numpy as np
 import pytest

@@ -8,7 +8,7 @@ from characterized import axes_of, B, holds, K, N
 from imu_allan.noise.record.cells import Cells
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.gaps import filled, noise_through_gaps
-from imu_allan.timeline.grid import interpolate
+from imu_allan.timeline.placing import interpolate
 import numpy as np
 import pytest
 from repeated import slow
