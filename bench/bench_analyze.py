@@ -35,8 +35,8 @@ KINDS = (('mcap', 'zstd', 1.5), ('mcap', '', None), ('sqlite3', '', 1.3))
 _BY_A_THREAD = """
 import sys
 from imu_allan.cli.main import main
-from imu_allan.recordings.reading import reading_process
-reading_process.WORTHWHILE_BYTES = sys.maxsize
+from imu_allan.recordings import reading
+reading.WORTHWHILE_BYTES = sys.maxsize
 sys.exit(main())
 """
 MOST_CPU_US, MOST_MB = 3.5, 100

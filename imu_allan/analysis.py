@@ -18,13 +18,13 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
+from imu_allan.recordings.choose_streams import choose_streams, Stream
 from imu_allan.recordings.repeated_messages import (
     files_digest,
     sampled,
     Seen,
     share_messages,
 )
-from imu_allan.recordings.separate_gyro_and_accel import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
 from imu_allan.result import Result

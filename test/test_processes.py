@@ -44,8 +44,8 @@ PLANTED = ('pickle', 'struct', 'numpy', 'multiprocessing', 'imu_allan', 'matplot
 SCRIPT = """
 import shlex, sys
 from imu_allan.cli.main import main
-from imu_allan.recordings.reading import reading_process
-reading_process.WORTHWHILE_BYTES *= 0
+from imu_allan.recordings import reading
+reading.WORTHWHILE_BYTES *= 0
 sys.exit(max(main(shlex.split(line)) for line in sys.argv[1:]))
 """
 

@@ -85,7 +85,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
 
 def _choice(recording: 'Recording') -> list[str]:
     """Describe which of several topics are read if none is named."""
-    from imu_allan.recordings.separate_gyro_and_accel import choose_streams
+    from imu_allan.recordings.choose_streams import choose_streams
 
     try:
         topics = [printable(stream.topic) for stream in choose_streams(recording)]
@@ -113,7 +113,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.analysis import in_si_units
     from imu_allan.finding_messages import message_of
     from imu_allan.noise.terms import AXES
-    from imu_allan.recordings.separate_gyro_and_accel import Stream
+    from imu_allan.recordings.choose_streams import Stream
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC

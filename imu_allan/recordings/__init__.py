@@ -8,12 +8,11 @@ Reading of recorded files as blocks of IMU samples, in constant memory.
 ...         print(len(block))
 """
 
-from imu_allan.recordings.choose_topic import choose_topic
-from imu_allan.recordings.imu_topic import ImuTopic
+from imu_allan.recordings.choose_streams import choose_topic
 from imu_allan.recordings.open_recording import open_recording, recordings_in
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.reading.read_blocks import read_blocks
-from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.reading import read_blocks
+from imu_allan.recordings.recording import ImuTopic, Recording
 
 __all__ = [
     'ImuTopic', 'Recording', 'RecordingOptions', 'choose_topic', 'open_recording', 'read_blocks',

@@ -11,10 +11,9 @@ import re
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
-from imu_allan.recordings.formats.temporary_folder import unreadable_error
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
+from imu_allan.recordings.recording import BAG_SUFFIXES, Recording, unreadable_error
 
 _RESULTS = ('result.json', 'fleet.json')
 
@@ -68,7 +67,7 @@ def open_recording(
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         if _head(path, path).startswith(b'\x28\xb5\x2f\xfd'):
-            from imu_allan.recordings.formats.compressed_file import open_compressed
+            from imu_allan.recordings.formats.decompress import open_compressed
             return open_compressed(path, open_stored, options)
         return open_stored(path, path, options)
     except OSError as error:
@@ -210,8 +209,8 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
             (b'\x89MCAP', 'mcap_file', 'McapRecording'),
             (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
             (b'#ROSBAG V', 'ros1_bag', 'Ros1Recording'),
-            (b'ULog\x01\x12\x35', 'px4_ulog', 'UlogRecording'),
-            (b'\xa3\x95\x80', 'ardupilot_log', 'ArduPilotRecording')):
+            (b'ULog\x01\x12\x35', 'autopilot_log', 'UlogRecording'),
+            (b'\xa3\x95\x80', 'autopilot_log', 'ArduPilotRecording')):
         if head.startswith(first_bytes):
             # The libraries of a format are imported only if it is read.
             kind = getattr(import_module(f'imu_allan.recordings.formats.{module}'), name)

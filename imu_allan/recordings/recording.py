@@ -1,30 +1,86 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The interface that every kind of recording implements."""
+"""What every kind of recording is: topics, remarks, and temporary folders of unpacked files."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+import atexit
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
+import errno
 from pathlib import Path
+import secrets
+import shutil
+import tempfile
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import Serialization
+from imu_allan.cdr import IMU_TYPE, MalformedImu, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding import CODES, Finding, finding
-from imu_allan.recordings.formats.temporary_folder import remove_folder
-from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import (
+    IMU_TYPES,
     imus_in,
     may_hold_imu,
     TEMPERATURE_TYPES,
     thermometer_in,
 )
 from imu_allan.recordings.options import RecordingOptions
+
+
+@dataclass(frozen=True)
+class ImuTopic:
+    """
+    An IMU in the messages of a topic.
+
+    Attributes
+    ----------
+    name : str
+        Topic name, followed by the field if the messages hold several IMUs.
+    count : int or None
+        Number of messages in the recording; None if the file does not state it.
+    messages : ImuMessages
+        How the messages are read; by default as sensor_msgs/msg/Imu.
+    source : str
+        Recorded topic; empty if it equals `name`.
+
+    """
+
+    name: str
+    count: int | None
+    messages: ImuMessages = ImuMessages(IMU_TYPE)  # noqa: RUF009
+    source: str = ''
+
+    @property
+    def topic(self) -> str:
+        """Return the name of the recorded topic."""
+        return self.source or self.name
+
+
+class MalformedMessages:
+    """Counter of malformed messages on an Imu topic that keeps the first reason."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.reason = ''
+
+    def __call__(self, count: int, error: MalformedImu) -> None:
+        self.count += count
+        self.reason = self.reason or str(error)
+
+    def report(self, imu: ImuTopic, remark: Callable[..., None]) -> None:
+        """Pass a finding to `remark` if any message of the topic was malformed."""
+        if self.count:
+            kind = imu.messages.type_name
+            kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
+            remark(
+                'malformed_messages', what='message', count=self.count,
+                lost_share=self.count / (imu.count or float('inf')),
+                topic=printable(imu.name), type=kind, first=self.reason)
+
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """Suffixes of the files in a rosbag2 directory."""
@@ -176,3 +232,42 @@ class FileRecording(Recording):
         super().__init__(path, options)
         self._stored = stored
         self.size_bytes = stored.stat().st_size
+
+
+RESERVED_DISK_BYTES = 1 << 28
+"""Bytes on the disk of the temporary folder that are always left free."""
+
+
+def make_folder() -> Path:
+    """Create a temporary folder that only this user can access."""
+    folder = Path(tempfile.gettempdir(), f'imu_allan_{secrets.token_hex(8)}')
+    # Ctrl-C may come before the caller knows of the folder.
+    atexit.register(remove_folder, folder)
+    folder.mkdir(mode=0o700)
+    return folder
+
+
+def room_in(folder: Path | str) -> int:
+    """Return the bytes that may be written to a folder; negative if its disk is nearly full."""
+    return shutil.disk_usage(folder).free - RESERVED_DISK_BYTES
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a temporary folder with its content, even if a termination request interrupts."""
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+    except BaseException:
+        # `exit_on_sigterm` interrupts a process only once, so the second attempt completes.
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
+    """Return the error to report; lack of disk space concerns the temporary copy."""
+    reason = error.strerror or printable(error)
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return ImuAllanError(f'{printable(recording)}: cannot be unpacked or copied to '
+                             f'{printable(tempfile.gettempdir())} ({reason}); name a larger '
+                             'folder with TMPDIR, or raise the limit (ulimit -f)')
+    return ImuAllanError(f'{printable(recording)}: '
+                         f'{f"{what} ({printable(reason)})" if what else reason}')

@@ -8,8 +8,7 @@ from typing import Literal
 from imu_allan.arrays import Array, Ints
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.finding import finding
-from imu_allan.recordings.imu_topic import ImuTopic
-from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.recording import ImuTopic, Recording
 import numpy as np
 
 

@@ -11,7 +11,7 @@ from imu_allan.datasheet import check
 from imu_allan.finding_messages import with_words
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings.reading import reading_process
+from imu_allan.recordings import reading
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
@@ -182,7 +182,7 @@ def test_every_container_and_batch_gives_the_same_result_to_the_last_bit(tmp_pat
                               storage=storage)
         # Read by a thread in blocks as they come, or by a process in blocks of another size.
         for worthwhile_bytes in (1 << 40, 0):
-            monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', worthwhile_bytes)
+            monkeypatch.setattr(reading, 'WORTHWHILE_BYTES', worthwhile_bytes)
             document = analyze(bag).to_dict()
             assert document | {'source': document['source'] | {
                 'path': None, 'files': None}} == expected

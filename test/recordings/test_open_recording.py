@@ -158,7 +158,7 @@ def test_bag_files_without_metadata_are_one_recording_if_they_follow(tmp_path, n
 def test_whether_compressed_files_follow_is_seen_without_unpacking_them(tmp_path, monkeypatch):
     for name in 'night_0.db3.zstd', 'night_1.db3.zstd':
         write_packed_db3(tmp_path / name)
-    monkeypatch.setattr('imu_allan.recordings.formats.compressed_file.open_compressed', None)
+    monkeypatch.setattr('imu_allan.recordings.formats.decompress.open_compressed', None)
     assert recordings_in(tmp_path) == [tmp_path]
     (tmp_path / 'night_0.db3.zstd').rename(tmp_path / 'night_2.db3.zstd')
     assert len(recordings_in(tmp_path)) == 2

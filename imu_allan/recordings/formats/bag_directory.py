@@ -16,10 +16,9 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.fleet.names import natural
-from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
+from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
 import yaml
 
 # It loads only texts, lists and mappings: other features let a few lines expand to gigabytes. The

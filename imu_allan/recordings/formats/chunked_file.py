@@ -10,16 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Literal
 
+from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import DamagedData, LARGEST_CHUNK, ReadingLimits
-from imu_allan.recordings.formats.mcap_messages import in_lists
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages, Recording
 from imu_allan.wording import counted
 import numpy as np
 from numpy.typing import NDArray
@@ -296,3 +295,30 @@ class Damage:
                 lost_share=share, **messages)
         elif messages and not self.end:
             recording.remark('damaged_recording', fault='unread', lost_share=share, **messages)
+
+
+def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
+    """Group batches into lists of 16 MiB, as there may be millions of batches."""
+    held: list[MessageBatch] = []
+    # 20 chunks of rosbag2, as one chunk may be far larger
+    batch_bytes = 1 << 24
+    left = batch_bytes
+    for batch in batches:
+        held.append(batch)
+        # Allow 1 kB for the overhead of a batch.
+        left -= batch.rows.nbytes + 1024
+        if left < 0:
+            yield held
+            held, left = [], batch_bytes
+    yield held
+
+
+def anywhere(buffer: bytes, kind: np.dtype[Any] | str) -> NDArray[Any]:
+    """View what begins at each byte of a buffer as an item of this type."""
+    kind = np.dtype(kind)
+    return np.ndarray((max(len(buffer) - kind.itemsize + 1, 0),), kind, buffer, 0, (1,))
+
+
+def collect(buffer: bytes, offsets: Ints, size: int) -> NDArray[np.uint8]:
+    """Copy `size` bytes at each of `offsets`; return shape (len(offsets), size)."""
+    return anywhere(buffer, f'V{size}')[offsets].view(np.uint8).reshape(-1, size)

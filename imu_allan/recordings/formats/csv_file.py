@@ -31,9 +31,8 @@ from imu_allan.recordings.formats.csv_header import (
     read_header,
     require_time,
 )
-from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
+from imu_allan.recordings.recording import FileRecording, ImuTopic
 from imu_allan.sensor.units import convert
 from imu_allan.wording import NO_TOPIC, SENSORS
 import numpy as np

@@ -23,15 +23,16 @@ from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import MessageBatch
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
+    anywhere,
     Channel,
     ChunkedRecording,
+    collect,
     Kind,
     LARGEST_DESCRIPTION,
     MOST_CHANNELS,
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
-from imu_allan.recordings.formats.mcap_messages import anywhere, collect
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
 

@@ -30,11 +30,15 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
-from imu_allan.recordings.formats.temporary_folder import make_folder, room_in
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
+from imu_allan.recordings.recording import (
+    FileRecording,
+    ImuTopic,
+    make_folder,
+    MalformedMessages,
+    room_in,
+)
 import numpy as np
 
 

@@ -13,9 +13,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.csv_file import CsvRecording
 from imu_allan.recordings.formats.csv_header import NamesNoAxis
-from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.recording import ImuTopic, Recording
 from imu_allan.wording import NO_TOPIC, SENSORS
 
 

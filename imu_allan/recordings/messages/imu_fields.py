@@ -3,18 +3,14 @@
 """
 The fields of a message that hold the samples of an IMU, their units and their times.
 
-Fields found by a search and fields named by the user have the same representation.
+Fields of known types, fields found by a search and fields named by the user have the same
+representation.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
-from imu_allan.errors import brief, ImuAllanError
-from imu_allan.recordings.messages.definitions import Field, Types
-from imu_allan.recordings.options import factor
-
-_TIME = ('sec', 'nanosec')
+TIME = ('sec', 'nanosec')
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class Stamp:
     @property
     def paths(self) -> tuple[str, ...]:
         """Return the paths of the fields that make up the stamp."""
-        return (self.path,) if self.unit_ns else tuple(f'{self.path}.{part}' for part in _TIME)
+        return (self.path,) if self.unit_ns else tuple(f'{self.path}.{part}' for part in TIME)
 
 
 @dataclass(frozen=True)
@@ -153,161 +149,54 @@ def split_path(path: str) -> tuple[str, int]:
     return path, 0
 
 
-def found_by_shape(types: Types, type_name: str) -> dict[str, ImuFields]:
-    """Find messages with vectors `angular_velocity` and `linear_acceleration`, by their path."""
-    found: dict[str, ImuFields] = {}
-    # Nested messages; the state message of a robot has some fifty.
-    most = 1000
-    visits = iter(range(most))
-    most_imus = 16
-
-    def search(kind: str, path: str, around: ImuFields) -> None:
-        """Search a message; those `around` it may have a stamp, a frame and a temperature."""
-        if next(visits, None) is None:
-            if found:
-                return
-            raise ImuAllanError(f'its type holds more than {most} messages, too many to '
-                                'search for an IMU; name the fields with --gyro and --accel')
-        fields = {field.name: field for field in types.get(kind, ())}
-        stamps, frame_id = own_clock(types, kind, path)
-        here = replace(
-            around, stamps=stamps + around.stamps, frame_id=frame_id or around.frame_id,
-            temperature=next((f'{path}{name}' for name in (
-                'imu_temperature', 'temperature', 'imu_temp', 'temp')
-                if name in fields and _is_number(fields[name])), around.temperature))
-        halves = ('angular_velocity', 'linear_acceleration')
-        if all(_is_vector(types, fields.get(name)) for name in halves):
-            covariances = {name: f'{path}{name}[0]' for name, field in fields.items()
-                           if field.kind == 'f8' and field.count == 9}
-            gyro, accel = (Vector(
-                _components(f'{path}{name}'), covariance=covariances.get(f'{name}_covariance'))
-                for name in halves)
-            found[path[:-1]] = replace(here, gyro=gyro, accel=accel, what=(
-                f'its field {path[:-1]} ({kind})' if path else 'its own fields'))
-            return
-        # Real messages are not nested this deep; a hostile definition may be nested endlessly.
-        if path.count('.') == 8:
-            return
-        for field in fields.values():
-            if not field.is_message or field.count == 0:
-                continue
-            for number in range(min(field.count or 1, most_imus)):
-                name = field.name if field.count is None else f'{field.name}[{number}]'
-                if len(found) < most_imus:
-                    search(field.kind, f'{path}{name}.', here)
-
-    search(type_name, '', ImuFields(None, None))
-    return found
+def _xyz(name: str, factor: float = 1.0) -> Vector:
+    return Vector((f'{name}.x', f'{name}.y', f'{name}.z'), factor)
 
 
-def _components(path: str) -> tuple[str, str, str]:
-    return f'{path}.x', f'{path}.y', f'{path}.z'
+def _elements(name: str, per: str | None = None) -> Vector:
+    return Vector((f'{name}[0]', f'{name}[1]', f'{name}[2]'), per=per)
 
 
-def _is_vector(types: Types, field: Field | None) -> bool:
-    if field is None or not field.is_message or field.count is not None:
-        return False
-    numbers = {part.name for part in types.get(field.kind, ()) if _is_number(part)}
-    return {'x', 'y', 'z'} <= numbers
+_HEADER = (Stamp('header.stamp'),)
+_FRAME = 'header.frame_id'
+_PX4_SAMPLE = (Stamp('timestamp_sample', 1000), Stamp('timestamp', 1000))
+_PX4_FIFO = Vector(('x', 'y', 'z'), scale='scale')
 
-
-def _is_number(field: Field) -> bool:
-    """Return whether a field is a single number."""
-    return not field.is_message and field.kind != 'string' and field.count is None
-
-
-def own_clock(types: Types, type_name: str, path: str = '',
-              ) -> tuple[tuple[Stamp, ...], str | None]:
-    """Find the stamps and the frame_id among the direct fields of a message."""
-    stamps: list[Stamp] = []
-    frame_id = None
-    for field in types.get(type_name, ()):
-        if field.is_message and field.count is None:
-            parts = tuple(part.name for part in types.get(field.kind, ()))
-            if parts == _TIME:
-                stamps.append(Stamp(f'{path}{field.name}'))
-            # In ROS 1 a header begins with a sequence number.
-            elif parts[-2:] == ('stamp', 'frame_id'):
-                stamps.append(Stamp(f'{path}{field.name}.stamp'))
-                frame_id = frame_id or f'{path}{field.name}.frame_id'
-    return tuple(stamps), frame_id
-
-
-def vector_of(types: Types, type_name: str, text: str, what: str, si_unit: str) -> Vector:
-    """Find the vector that a user names, and perhaps its unit, such as ``imu.rate deg/s``."""
-    path, _, unit = text.strip().partition(' ')
-    return Vector(_three_numbers(types, type_name, path, what),
-                  factor(what, unit.strip() or None, si_unit))
-
-
-def _three_numbers(types: Types, type_name: str, text: str, what: str) -> tuple[str, str, str]:
-    """Find the paths in ``imu.rate``, which has x, y and z, ``gyro[0:3]``, or ``gx,gy,gz``."""
-    parts = tuple(part.strip() for part in text.split(','))
-    if len(parts) == 3:
-        for part in parts:
-            number_at(types, type_name, part, what)
-        return parts[0], parts[1], parts[2]
-    match = re.fullmatch(r'(.*)\[(\d{1,6}):(\d{1,6})\]', text)
-    path = match[1] if match else text
-    start, stop = (int(match[2]), int(match[3])) if match else (0, 3)
-    field = field_at(types, type_name, path, what)
-    if match is None and _is_vector(types, field):
-        return _components(path)
-    is_array = not field.is_message and field.kind != 'string' and field.count is not None
-    if not is_array or stop - start != 3 or (field.count and stop > field.count) or (
-            match is None and field.count != 3):
-        raise ImuAllanError(
-            f'{what} {shown(text)}: not three numbers in {shown(type_name)}; name a field with '
-            'x, y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz')
-    return f'{path}[{start}]', f'{path}[{start + 1}]', f'{path}[{start + 2}]'
-
-
-def stamp_of(types: Types, kind: str, text: str) -> Stamp:
-    """Find the time that a user names: a number with its unit, or seconds and nanoseconds."""
-    path, _, unit = text.strip().partition(' ')
-    field = field_at(types, kind, path, '--stamp')
-    if field.is_message:
-        if {part.name for part in types.get(field.kind, ())} == {*_TIME}:
-            return Stamp(path)
-        raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
-    unit_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}.get(unit.strip())
-    if unit_ns is None or not _is_number(field):
-        raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
-                            'ns), or a field with seconds and nanoseconds')
-    return Stamp(path, unit_ns)
-
-
-def number_at(types: Types, type_name: str, path: str, what: str) -> None:
-    """Raise ImuAllanError unless `path` is a single number."""
-    if not _is_number(field_at(types, type_name, path, what)):
-        raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
-
-
-def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
-    """Return the field at a dotted path; ImuAllanError lists the existing fields."""
-    # Generous for eight levels of names with 100 characters.
-    if len(path) > 1000 or re.fullmatch(
-            r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*', path) is None:
-        raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
-    field = Field('', type_name, True, None)
-    for part in path.split('.'):
-        if not field.is_message or field.count is not None:
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.name)} has no fields of its '
-                                'own')
-        name, number = split_path(part)
-        fields = {each.name: each for each in types.get(field.kind, ())}
-        if name not in fields:
-            known = ', '.join(shown(name) for name in list(fields)[:10])
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.kind)} has no field '
-                                f'{shown(name)}; it has {known or "none"}')
-        field = fields[name]
-        if name != part:
-            if field.count is None or (field.count and number >= field.count):
-                raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no such element')
-            field = replace(field, count=None)
-    return field
-
-
-def shown(text: str) -> str:
-    """Format text from elsewhere so that it is printable and short."""
-    return brief(text, 80)
+KNOWN: Mapping[str, ImuFields] = {
+    # PX4/px4_msgs: no header, microseconds since the autopilot was switched on.
+    'px4_msgs/msg/SensorCombined': ImuFields(
+        _elements('gyro_rad'), _elements('accelerometer_m_s2'), (Stamp('timestamp', 1000),)),
+    'px4_msgs/msg/VehicleImu': ImuFields(
+        _elements('delta_angle', per='delta_angle_dt'),
+        _elements('delta_velocity', per='delta_velocity_dt'), _PX4_SAMPLE),
+    'px4_msgs/msg/SensorGyro': ImuFields(
+        Vector(('x', 'y', 'z')), None, _PX4_SAMPLE, temperature='temperature'),
+    'px4_msgs/msg/SensorAccel': ImuFields(
+        None, Vector(('x', 'y', 'z')), _PX4_SAMPLE, temperature='temperature'),
+    'px4_msgs/msg/SensorGyroFifo': ImuFields(
+        _PX4_FIFO, None, _PX4_SAMPLE, burst=Burst('samples', 'dt')),
+    'px4_msgs/msg/SensorAccelFifo': ImuFields(
+        None, _PX4_FIFO, _PX4_SAMPLE, burst=Burst('samples', 'dt')),
+    # dawonn/vectornav: the "uncomp" fields are from before the factory calibration.
+    'vectornav_msgs/msg/ImuGroup': ImuFields(
+        _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME, temperature='temp'),
+    'vectornav_msgs/msg/CommonGroup': ImuFields(
+        _xyz('imu_rate'), _xyz('imu_accel'), (Stamp('timestartup', 1), *_HEADER), _FRAME),
+    # SBG-Systems/sbg_ros2_driver: time_stamp is 32 bits of microseconds and wraps around every 71
+    # minutes, so the header comes first.
+    'sbg_driver/msg/SbgImuData': ImuFields(
+        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', 1000)), _FRAME,
+        temperature='temp'),
+    # sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s.
+    'sbg_driver/msg/SbgImuShort': ImuFields(
+        _xyz('delta_angle', 1 / 67108864), _xyz('delta_velocity', 1 / 1048576),
+        (*_HEADER, Stamp('time_stamp', 1000)), _FRAME),
+    # unitreerobotics/unitree_ros2: no stamp; the receive time is used.
+    **dict.fromkeys(('unitree_go/msg/LowState', 'unitree_hg/msg/LowState'), ImuFields(
+        _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))),
+    # LeoRover/leo_msgs
+    'leo_msgs/msg/Imu': ImuFields(
+        Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
+        (Stamp('stamp'),), temperature='temperature'),
+}
+"""How to read messages of known types, by type name."""

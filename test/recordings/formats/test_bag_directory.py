@@ -136,7 +136,7 @@ def test_a_compressed_file_is_unpacked_where_there_is_room_and_none_is_left(tmp_
              'or CSV file'), (packed_gigabyte(1 << 30), bomb), (packed_gigabyte(-1), bomb)):
         assert refusal(path, content) == reason
         assert list(temporary.iterdir()) == []
-    monkeypatch.setattr('imu_allan.recordings.formats.temporary_folder.RESERVED_DISK_BYTES', 2**60)
+    monkeypatch.setattr('imu_allan.recordings.recording.RESERVED_DISK_BYTES', 2**60)
     assert refusal(path) == (
         f'no room to decompress it in {temporary}; name a larger folder with TMPDIR')
 

@@ -10,7 +10,8 @@ import bags
 from bags import assert_same, block, chunk_starts, figures, read, said, serialized, write_mcap
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.recordings import open_recording
-from imu_allan.recordings.formats.mcap_messages import gather, in_lists
+from imu_allan.recordings.formats.chunked_file import in_lists
+from imu_allan.recordings.formats.mcap_file import gather
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType

@@ -8,8 +8,7 @@ from bags import database, figures, insert, raise_malformed, read, refusal, said
 from imu_allan.cdr import MessageBatch
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
-from imu_allan.recordings.messages.imu_fields import found_by_shape
-from imu_allan.recordings.messages.imus_in import imu_messages
+from imu_allan.recordings.messages.imus_in import found_by_shape, imu_messages
 import numpy as np
 import other_types
 from other_types import full_definition, imu, samples, stamped, START_NS, store_with, write_mcap

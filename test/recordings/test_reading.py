@@ -14,9 +14,8 @@ import threading
 
 from bags import assert_same, block, FailingRecording, joined
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording, read_blocks
-from imu_allan.recordings.reading import reading_process
-from imu_allan.recordings.reading.read_blocks import larger_blocks, read_ahead
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, reading
+from imu_allan.recordings.reading import larger_blocks, read_ahead
 from imu_allan.recordings.write import write_recording
 from processes import python
 import pytest
@@ -28,7 +27,7 @@ MESSAGES = block(50_000)
 
 @pytest.fixture(autouse=True)
 def every_recording_is_worth_a_process(monkeypatch):
-    monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0)
+    monkeypatch.setattr(reading, 'WORTHWHILE_BYTES', 0)
 
 
 def children():
@@ -64,7 +63,7 @@ def test_messages_are_as_written_and_a_frame_id_begins_a_block(tmp_path, storage
 
 
 @pytest.mark.parametrize('read', [
-    reading_process.read_in_process,
+    reading.read_in_process,
     lambda recording, topic: read_ahead(larger_blocks(recording.decoded(topic)))],
     ids=['process', 'thread'])
 @pytest.mark.parametrize('error', [
@@ -77,7 +76,7 @@ def test_an_exception_comes_after_the_blocks_before_it(read, error):
     assert str(caught.value) == str(error)
     assert_same(MESSAGES, joined(taken))
     assert threads() == 0
-    if isinstance(error, ZeroDivisionError) and read is reading_process.read_in_process:
+    if isinstance(error, ZeroDivisionError) and read is reading.read_in_process:
         # A defect shows where it is.
         assert 'in decoded' in str(caught.value.__cause__)
 
@@ -110,7 +109,7 @@ def test_a_thread_reads_where_a_process_cannot_or_need_not(tmp_path, monkeypatch
 
     monkeypatch.setattr(*{
         'no process can be started': (subprocess, 'Popen', refuse),
-        'small': (reading_process, 'WORTHWHILE_BYTES', 1 << 26)}[why])
+        'small': (reading, 'WORTHWHILE_BYTES', 1 << 26)}[why])
     before = children()
     with open_recording(bag) as recording:
         blocks = read_blocks(recording, choose_topic(recording))
