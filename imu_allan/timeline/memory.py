@@ -297,9 +297,3 @@ class Memory(Record):
     tail: Array = field(default_factory=lambda: np.empty((0, 6)))
     motion: MotionDetector | None = None  # none before the first sample
     pending: Pending = field(default_factory=Pending)  # messages not yet processed
-
-    @property
-    def slow_turns(self) -> list[list[float]]:
-        """Slow turns that were not cut out, unless motion is to be kept."""
-        return ([] if self.motion is None or self.options.motion == 'keep'
-                else self.motion.turns.found)

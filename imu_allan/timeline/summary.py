@@ -8,11 +8,10 @@ Findings about counts are reported above a threshold, which stands beside each. 
 decisions, such as the choice of a clock, come from intake.py, where it is decided.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
 from math import log
-from typing import Any
 
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
@@ -89,6 +88,7 @@ def summarize(memory: Memory) -> TimelineSummary:
     # With 'keep', motion is only detected, not cut out.
     motion = (MotionSummary() if memory.motion is None or memory.options.motion == 'keep'
               else memory.motion.summary)
+    remarks = tuple(remarks_of(memory))
     measured = _measured_rate(counts, decision, cursor.late_ns)
     rate = memory.options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
@@ -112,14 +112,14 @@ def summarize(memory: Memory) -> TimelineSummary:
             all_motion=Total(motion.cut.count, motion.cut.total_s)
             if motion.cut.count > len(motion.cut.listed) else None),
         clock=None if decision.counted_only else decision.clock,
-        frame_id=decision.frame_id, start_time=start, remarks=remarks_of(memory),
+        frame_id=decision.frame_id, start_time=start, remarks=remarks,
         present=tuple(decision.present), messages=counts.messages + memory.pending.messages,
         counts=counts.copy(), motion=motion.copy(), mostly_motion=mostly_motion(motion),
         measured_rate_hz=None if decision.counted_only else measured,
         jitter_s=None if cursor.jitter is None or decision.counted_only
         else cursor.jitter * decision.pace.interval_ns / SECOND,
-        turned=tuple(name for axis, name in enumerate(AXES)
-                     if any(found[2] == axis for found in memory.slow_turns)),
+        turned=tuple(axis for remark in remarks if remark.code == 'slow_motion'
+                     for axis in remark.axes),
         density_error=density_error(counts, decision))
 
 
@@ -134,16 +134,17 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
     return counts.paced_steps / passed * SECOND
 
 
-Figures = dict[str, dict[str, Any]]
-"""Figures of findings about the recording as a whole, by code."""
-
-
-def remarks_of(memory: Memory) -> tuple[Finding, ...]:
-    """Collect the findings; one about the recording as a whole appears once for each code."""
-    return (*(finding('axis_not_finite', (name,)) for name, no_number in zip(
-                AXES, memory.decision.not_finite, strict=True) if no_number),
-            *(finding(code, **found) for code, found in _figures(memory).items()),
-            *_slow_turns(memory.slow_turns))
+def remarks_of(memory: Memory) -> Iterator[Finding]:
+    """Yield the findings; one about the recording as a whole comes once for each code."""
+    for name, no_number in zip(AXES, memory.decision.not_finite, strict=True):
+        if no_number:
+            yield finding('axis_not_finite', (name,))
+    for code, figures in memory.decision.remarks.items():
+        yield finding(code, **figures)
+    yield from _content_findings(memory.counts, memory.content)
+    yield from _clock_findings(memory)
+    yield from _count_findings(memory.counts, memory.decision)
+    yield from _motion_findings(memory)
 
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
@@ -187,79 +188,29 @@ def _moves(motion: MotionSummary) -> bool:
         and motion.struck > 0.25 * motion.seen))
 
 
-def _figures(memory: Memory) -> Figures:
-    """Return the figures of findings about the recording as a whole, by code."""
-    counts, decision = memory.counts, memory.decision
-    motion = MotionSummary() if memory.motion is None else memory.motion.summary
-    figures = (decision.remarks | _content_figures(counts, memory.content)
-               | _clock_figures(memory))
-    clock = 'time' if decision.one_clock else decision.clock
-    if counts.clock_jumps:
-        figures['clock_jumps'] = {'clock': clock, 'count': counts.clock_jumps}
-    if decision.pace.counting:
-        hidden = _hidden_error(decision)
-        figures['uneven_stamps'] = {
-            'clock': clock, 'hidden_share': decision.pace.hidden if hidden else None,
-            'density_high_share': hidden or None,
-            'rate_error_share': _short_error(counts, decision) or None}
-    places = counts.samples + counts.interpolated
-    # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
-    if counts.interpolated > 0.05 * places:
-        figures['many_missing'] = {'share': counts.interpolated / places,
-                                   'density_error_share': _interpolation_error(counts) or None}
-    if counts.at_other_rate:
-        used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
-        # Time counts from the first sample used: messages left out before it have no time.
-        known = counts.rate_changed_s > 0
-        figures['rate_changed'] = {
-            'from_hz': used if known else other, 'to_hz': other if known else used,
-            'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
-            'most_left_out': counts.at_other_rate >= counts.samples}
-    if counts.other_frames:
-        figures['several_frames'] = {'frame_id': decision.frame_id,
-                                     'others': list(counts.other_frames),
-                                     'rejected': list(counts.other_frames.values())}
-    if counts.gravity_samples:
-        size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
-        # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
-        # judgment.
-        if abs(size - STANDARD_GRAVITY) > 0.5:
-            figures['gravity'] = {'mean': size}
-    if memory.options.motion == 'exclude':
-        return figures | _motion_figures(motion)
-    cut = motion.cut
-    if cut.listed:
-        figures['motion_kept'] = {'count': cut.count, 'seen_s': cut.total_s,
-                                  'first_s': cut.listed[0][0]}
-    return figures
-
-
-def _content_figures(counts: Counts, content: Content) -> Figures:
-    figures: Figures = {}
+def _content_findings(counts: Counts, content: Content) -> Iterator[Finding]:
     if content.frozen:
-        figures['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
+        yield finding('frozen', messages=content.frozen, since_s=content.frozen_s)
     if content.held and counts.header.repeats >= content.repeats:
         # Polling gives a repeated value another stamp.
-        figures['repeated_part'] = {'messages': content.repeats}
+        yield finding('repeated_part', messages=content.repeats)
     elif content.held:
-        figures['held_values'] = {
-            'share': content.repeats / (content.repeats + content.changes)}
+        yield finding('held_values', share=content.repeats / (content.repeats + content.changes))
     if counts.spikes:
-        figures['spikes'] = {'messages': counts.spikes}
+        yield finding('spikes', messages=counts.spikes)
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.
     if counts.other_axes > 0.01 * counts.messages:
-        figures['field_absent'] = {'messages': counts.other_axes}
-    return figures
+        yield finding('field_absent', messages=counts.other_axes)
 
 
-def _clock_figures(memory: Memory) -> Figures:
+def _clock_findings(memory: Memory) -> Iterator[Finding]:
     """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
     counts, decision = memory.counts, memory.decision
     # With fewer messages, the lag of the receive stamps hides any difference.
     if ((memory.options.clock, decision.clock) != ('auto', 'header') or decision.one_clock
             or counts.header.last_ns is None or counts.receive.last_ns is None
             or counts.messages < 256):
-        return {}
+        return
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND
     receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
     if counts.clock_jumps:
@@ -269,42 +220,76 @@ def _clock_figures(memory: Memory) -> Figures:
         header = max(header, receive)
     # A crystal is off by millionths; a replay or a simulation by more than 5 %. The first receive
     # stamps lag by what waited in a queue, usually of no more than 2.5 s. Chosen by judgment.
-    if not (receive > 0 and header > 0) or (
-            abs(log(header / receive)) < max(0.05, 2.5 / receive)):
-        return {}
-    return {'clock_speed': {'ratio': header / receive}}
+    if receive > 0 and header > 0 and abs(log(header / receive)) >= max(0.05, 2.5 / receive):
+        yield finding('clock_speed', ratio=header / receive)
 
 
-def _slow_turns(turns: Sequence[Sequence[float]]) -> list[Finding]:
-    """Report means that moved away and came back: the largest of each axis, and their number."""
-    found = []
+def _count_findings(counts: Counts, decision: Decision) -> Iterator[Finding]:
+    clock = 'time' if decision.one_clock else decision.clock
+    if counts.clock_jumps:
+        yield finding('clock_jumps', clock=clock, count=counts.clock_jumps)
+    if decision.pace.counting:
+        hidden = _hidden_error(decision)
+        yield finding('uneven_stamps', clock=clock,
+                      hidden_share=decision.pace.hidden if hidden else None,
+                      density_high_share=hidden or None,
+                      rate_error_share=_short_error(counts, decision) or None)
+    places = counts.samples + counts.interpolated
+    # The fit allows for interpolation, but one in twenty means a bad link. Chosen by judgment.
+    if counts.interpolated > 0.05 * places:
+        yield finding('many_missing', share=counts.interpolated / places,
+                      density_error_share=_interpolation_error(counts) or None)
+    if counts.at_other_rate:
+        used, other = SECOND / decision.pace.interval_ns, counts.changed_rate_hz
+        # Time counts from the first sample used: messages left out before it have no time.
+        known = counts.rate_changed_s > 0
+        yield finding('rate_changed', from_hz=used if known else other,
+                      to_hz=other if known else used,
+                      at_s=counts.rate_changed_s if known else None,
+                      left_out=counts.at_other_rate,
+                      most_left_out=counts.at_other_rate >= counts.samples)
+    if counts.other_frames:
+        yield finding('several_frames', frame_id=decision.frame_id, others=[*counts.other_frames],
+                      rejected=[*counts.other_frames.values()])
+    if counts.gravity_samples:
+        size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
+        # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
+        # judgment.
+        if abs(size - STANDARD_GRAVITY) > 0.5:
+            yield finding('gravity', mean=size)
+
+
+def _motion_findings(memory: Memory) -> Iterator[Finding]:
+    if memory.motion is None:
+        return
+    motion, turns = memory.motion.summary, memory.motion.turns.found
+    cut = motion.cut
+    if memory.options.motion == 'keep':
+        if cut.listed:
+            yield finding('motion_kept', count=cut.count, seen_s=cut.total_s,
+                          first_s=cut.listed[0][0])
+        return
+    if mostly_motion(motion):
+        yield finding('mostly_motion', share=cut.rows / motion.seen)
+    elif _moves(motion):
+        # As many as fit into two lines of a terminal.
+        named = motion.kept.listed[:5]
+        yield finding('rest_within_motion', share=cut.rows / motion.seen,
+                      rest_s=motion.kept.total_s, rests=len(motion.kept.listed),
+                      starts_s=[start for start, _ in named],
+                      durations_s=[lasts for _, lasts in named])
+    elif cut.count:
+        yield finding('motion', count=cut.count, excluded_s=cut.total_s)
+    if motion.changes:
+        yield finding('noise_level_changed', at_s=[time_s for time_s, _ in motion.changes],
+                      ratios=[ratio for _, ratio in motion.changes])
+    # Means that moved away and came back: the largest of each axis, and their number.
     for number, (axis, quantity) in enumerate(AXES.items()):
         own = [one for one in turns if one[2] == number]
         if own:
             start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
-            found.append(finding('slow_motion', (axis,), size=size, unit=quantity.unit,
-                                 start_s=start, duration_s=lasts, count=len(own)))
-    return found
-
-
-def _motion_figures(motion: MotionSummary) -> Figures:
-    figures: Figures = {}
-    if mostly_motion(motion):
-        figures['mostly_motion'] = {'share': motion.cut.rows / motion.seen}
-    elif _moves(motion):
-        # As many as fit into two lines of a terminal.
-        named = motion.kept.listed[:5]
-        figures['rest_within_motion'] = {
-            'share': motion.cut.rows / motion.seen, 'rest_s': motion.kept.total_s,
-            'rests': len(motion.kept.listed),
-            'starts_s': [start for start, _ in named],
-            'durations_s': [lasts for _, lasts in named]}
-    elif motion.cut.count:
-        figures['motion'] = {'count': motion.cut.count, 'excluded_s': motion.cut.total_s}
-    if motion.changes:
-        figures['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
-                                          'ratios': [ratio for _, ratio in motion.changes]}
-    return figures
+            yield finding('slow_motion', (axis,), size=size, unit=quantity.unit, start_s=start,
+                          duration_s=lasts, count=len(own))
 
 
 def _iso_time(stamp_ns: int) -> str:
