@@ -45,7 +45,7 @@ WORTHWHILE_BYTES = 1 << 26
 SLOT_MESSAGES = 1 << 13
 """Messages per slot."""
 SLOTS = 4
-"""Slots in shared memory: the reader may be 32,768 messages (2.2 MB) ahead."""
+"""Slots in shared memory (2.2 MB): the reader may be so many blocks ahead."""
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
@@ -232,7 +232,7 @@ def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDA
                 slot, messages, frame_id, position = item
                 block = ImuBlock(frame_id=frame_id, **{
                     name: values.copy('K')
-                    for name, values in _arrays(slots[slot], 0, messages).items()})
+                    for name, values in _arrays(slots[slot], messages).items()})
                 with suppress(BrokenPipeError):
                     process.stdin.write(bytes([slot]))
                 yield block, position
@@ -302,28 +302,16 @@ def serve() -> None:
 
 def _fill(decoded: Iterator[tuple[ImuBlock, int]], slots: NDArray[np.void],
           report: Callable[[object], None]) -> None:
-    """Copy messages into slots, and report those that are full or end with a frame_id."""
+    """Copy blocks into slots as these become free, and report each."""
     free = list(range(SLOTS))
-    slot = filled = position = 0
-    frame_id = ''
-    try:
-        for block, position in decoded:
-            start = 0
-            while start < len(block):
-                if filled == SLOT_MESSAGES or (filled and block.frame_id != frame_id):
-                    report((slot, filled, frame_id, position))
-                    filled = 0
-                if not filled:
-                    free += b'' if free else _returned_slots()
-                    slot, frame_id = free.pop(0), block.frame_id
-                part = block.part(slice(start, start + SLOT_MESSAGES - filled))
-                for name, values in _arrays(slots[slot], filled, len(part)).items():
-                    values[:] = getattr(part, name)
-                start, filled = start + len(part), filled + len(part)
-    finally:
-        # An error is reported after the messages before it.
-        if filled:
-            report((slot, filled, frame_id, position))
+    for block, position in larger_blocks(decoded):
+        for start in range(0, len(block), SLOT_MESSAGES):
+            part = block.part(slice(start, start + SLOT_MESSAGES))
+            free += b'' if free else _returned_slots()
+            slot = free.pop(0)
+            for name, values in _arrays(slots[slot], len(part)).items():
+                values[:] = getattr(part, name)
+            report((slot, len(part), block.frame_id, position))
 
 
 def _returned_slots() -> bytes:
@@ -352,6 +340,6 @@ def _slots(memory: int) -> NDArray[np.void]:
     return np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
 
 
-def _arrays(slot: np.void, first: int, messages: int) -> dict[str, NDArray[Any]]:
-    """View some messages of a slot; the samples are stored axis by axis."""
-    return {name: slot[name].T[first:first + messages] for name in _SLOT.names or ()}
+def _arrays(slot: np.void, messages: int) -> dict[str, NDArray[Any]]:
+    """View the first messages of a slot; the samples are stored axis by axis."""
+    return {name: slot[name].T[:messages] for name in _SLOT.names or ()}
