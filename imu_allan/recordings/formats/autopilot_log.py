@@ -128,7 +128,9 @@ def times_of(records: Records, fields: ImuFields) -> Ints:
 
 def _records(content: NDArray[np.uint8], starts: Ints, layout: np.dtype[Any]) -> Records:
     """Copy the records that begin at some places of a file."""
-    return content[starts[:, np.newaxis] + np.arange(layout.itemsize)].view(layout)[:, 0]
+    rows = content[starts[:, np.newaxis] + np.arange(layout.itemsize)]
+    records: Records = rows.view(layout)[:, 0]
+    return records
 
 
 _TYPES = {

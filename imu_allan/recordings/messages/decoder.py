@@ -3,13 +3,22 @@
 """
 Decoding of messages of any type to blocks: samples in SI units, stamps and frames.
 
-`imu_allan.recordings.messages.layouts` locates the fields of messages with the same layout, which
-are then read as columns. No object is created per message. A record is a serialized message, with
-field paths as names of the numbers, or a record in the log of an autopilot. Among several stamps
-the clock is chosen.
+One traversal of a message locates all requested fields, by the definition of its type. It also
+notes the bytes that determine the positions: byte order, and lengths of strings and sequences.
+Messages of equal size that agree in those bytes have the same layout, so one traversal serves a
+whole block, which is then read as columns. No object is created per message. A record is a
+serialized message, with field paths as names of the numbers, or a record in the log of an
+autopilot. Among several stamps the clock is chosen.
+
+References
+----------
+As for `imu_allan.cdr`: CDR aligns every number to its own size, counted from byte 4; ROS 1 packs.
+
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate
@@ -18,17 +27,18 @@ from typing import Any, Literal
 from imu_allan.arrays import Array, Ints, runs
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
+    byte_order_of,
     decode_imu_rows,
     MalformedImu,
     MessageBatch,
     OnMalformed,
+    record_of,
     rows_like_first,
     Serialization,
 )
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.definitions import Types
-from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
-from imu_allan.recordings.messages.layouts import joint_field, Place, RecordLayouts
+from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, split_path, Stamp, Vector
 import numpy as np
 from numpy.typing import NDArray
 
@@ -103,21 +113,17 @@ class FieldsDecoder:
 
     def __init__(self, messages: ImuMessages) -> None:
         assert messages.fields is not None
-        assert messages.types is not None
-        self._fields = messages.fields
-        self._layouts = RecordLayouts(messages.types, messages.type_name, messages.serialization,
-                                      messages.fields)
+        self._messages, self._fields = messages, messages.fields
+        self._wanted = messages.fields.paths()
+        self._known: dict[int, list[tuple[bytes, RecordLayout]]] = {}
         self._clock: int | None = None
         self._frames: dict[str, int] = {}
 
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
         """Decode messages in order; malformed ones are reported."""
-        held = [batch for batch in batches if len(batch.rows)]
         self._frames = {}
-        if not held:
-            return []
-        columns = self._columns(held, on_malformed)
+        columns = self._columns([batch for batch in batches if len(batch.rows)], on_malformed)
         if columns is None or not len(columns['samples']):
             return []
         header_ns = self._header_ns(columns['stamps'])
@@ -144,11 +150,11 @@ class FieldsDecoder:
             rows = _joined([batches[number].rows for number in numbers])
             receive_ns = _joined([batches[number].receive_ns for number in numbers])
             index = _joined([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
-            for which, layout in self._layouts.groups(rows, on_malformed):
+            for which, layout in self._groups(rows, on_malformed):
                 same = rows[which]
                 part = extract(self._fields, stamps, same.view(layout.record)[:, 0],
                                receive_ns[which], on_malformed)
-                frames = frames_of(same, layout.frame_id, self._frames)
+                frames = _frames_of(same, layout.frame_id, self._frames)
                 of = part.get('message', slice(None))
                 part['frames'], part['message'] = frames[of], index[which][of]
                 decoded.append(part)
@@ -157,6 +163,78 @@ class FieldsDecoder:
         order = np.argsort(np.concatenate([part['message'] for part in decoded]), kind='stable')
         return {name: np.concatenate([part[name] for part in decoded])[order]
                 for name in decoded[0]}
+
+    # ----------------------------------------------------------------------------------- layouts
+
+    def _layout_of(self, message: memoryview) -> RecordLayout:
+        """Return the layout of a message, from memory or by traversal; may raise MalformedImu."""
+        for key, layout in self._known.get(len(message), ()):
+            if key == _key(message, layout):
+                return layout
+        layout = self._described(MessageLayout(self._messages, message, self._wanted))
+        most = 64   # sizes to remember, and layouts of each size
+        if len(self._known) < most:
+            known = self._known.setdefault(len(message), [])
+            if len(known) < most:
+                known.append((_key(message, layout), layout))
+        return layout
+
+    def _groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed,
+               ) -> list[tuple[NDArray[np.intp] | slice, RecordLayout]]:
+        """Group rows, messages of equal size, by layout."""
+        found: list[tuple[NDArray[np.intp] | slice, RecordLayout]] = []
+        left = np.arange(len(rows))
+        # With many layouts, compare only some messages at a time.
+        at_a_time = 256
+        while len(left):
+            first = rows[left[0]]
+            try:
+                layout = self._layout_of(first.data)
+            except MalformedImu as error:
+                on_malformed(1, error)
+                left = left[1:]
+                continue
+            which = slice(None) if len(left) == len(rows) else left
+            like = rows_like_first(rows[which], layout.keys)
+            if like is None:
+                found.append((which, layout))
+                break
+            found.append((left[like], layout))
+            left = left[~like]
+            # If this layout covers less than a sixteenth of the rest, there may be many of them.
+            if len(rows) > at_a_time and np.count_nonzero(like) < len(left) // 16:
+                # Comparing each of many with all other messages would take quadratic time.
+                for start in range(0, len(left), at_a_time):
+                    part = left[start:start + at_a_time]
+                    found += [(part[chosen], layout) for chosen, layout in self._groups(
+                        rows[part], on_malformed)]
+                break
+        return found
+
+    def _described(self, parsed: MessageLayout) -> RecordLayout:
+        """Create a record type from the field positions; raise MalformedImu if one is missing."""
+        for path in self._wanted - parsed.places.keys():
+            raise MalformedImu(f'it has no field {path}')
+        fields: dict[str, tuple[Any, int]] = {}
+        for path in self._fields.numbers():
+            field, element = split_path(path)
+            place = parsed.places[field]
+            if element >= place.count:
+                raise MalformedImu(f'{field} has {place.count} elements')
+            number = np.dtype(parsed.byte_order + place.kind)
+            fields[path] = (number, place.at + element * number.itemsize)
+        for _, vector in self._fields.vectors():
+            first, at = fields[vector.paths[0]]
+            if self._fields.burst is not None:
+                for path in vector.paths:
+                    fields[path] = ((fields[path][0], parsed.places[path].count), fields[path][1])
+            elif [fields[path] for path in vector.paths] == [
+                    (first, at + axis * first.itemsize) for axis in range(3)]:
+                # Copying three doubles as one opaque item is several times faster.
+                fields[_joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
+        frame_id = self._fields.frame_id
+        frame = None if frame_id is None else parsed.places[frame_id]
+        return RecordLayout(parsed.keys, record_of(fields, parsed.size), frame)
 
     # ------------------------------------------------------------------------------------- clock
 
@@ -185,6 +263,157 @@ def _advances(times: Ints) -> bool:
     if len(times) == 1:
         return valid and bool(times[0] % 1_000_000_000)
     return valid and 2 * len(np.unique(times)) >= len(times)
+
+
+@dataclass(frozen=True)
+class Place:
+    """
+    Position of a field in a message.
+
+    Attributes
+    ----------
+    at : int
+        Offset of the first byte.
+    kind : str
+        Type code of a number such as 'f8', without byte order, or 'string'.
+    count : int
+        Length of an array or sequence, or of a string in bytes; 1 for a single number.
+
+    """
+
+    at: int
+    kind: str
+    count: int
+
+
+class MessageLayout:
+    """
+    Positions of the fields `wanted` in a message; raises MalformedImu if it does not fit.
+
+    Attributes
+    ----------
+    size : int
+        Its length in bytes.
+    byte_order : {'<', '>'}
+        Little-endian or big-endian.
+    places : dict of str to Place
+        Positions by field path, such as ``imu.angular_velocity.x``.
+    keys : list of (int, int)
+        Start and stop of the bytes that determine the layout of messages of equal size.
+
+    """
+
+    def __init__(self, messages: ImuMessages, message: memoryview, wanted: Collection[str],
+                 ) -> None:
+        assert messages.types is not None
+        self._types = messages.types
+        self._message = message
+        self._aligned = messages.serialization == 'cdr'
+        self._wanted = wanted
+        self.places: dict[str, Place] = {}
+        self.keys: list[tuple[int, int]] = []
+        self.byte_order: Literal['<', '>'] = '<'
+        self._at = self._steps = 0
+        self.size = len(message)
+        if self._aligned:
+            if self.size < 4:
+                raise MalformedImu(f'{self.size} bytes are too few for a message')
+            self.byte_order = byte_order_of(message)
+            self.keys.append((0, 2))
+            self._at = 4
+        self._visit(messages.type_name, '', 0)
+        # Some middleware pads a payload to a multiple of four bytes, older ones to eight.
+        if not 0 <= self.size - self._at <= (7 if self._aligned else 0):
+            raise MalformedImu(f'{self.size} bytes are not a message of type '
+                               f'{messages.type_name}, which takes {self._at}')
+        # Bytes after the last requested field do not affect any position.
+        end = max((place.at for place in self.places.values()), default=0)
+        self.keys = [key for key in self.keys if key[0] < end]
+
+    def _visit(self, type_name: str, path: str, depth: int) -> None:
+        # Messages of ROS reach four levels.
+        if depth > 32:
+            raise MalformedImu('messages within messages, more than 32 deep')
+        if type_name not in self._types:
+            raise MalformedImu(f'type {type_name} is not defined')
+        fields = self._types[type_name]
+        if not fields and self._aligned:
+            # ROS 2 serializes a message without fields as one byte.
+            self._pass_over(1, 1)
+        for field in fields:
+            self._step()
+            name = f'{path}{field.name}'
+            count = self._length() if field.count == 0 else field.count
+            if not field.is_message and field.kind != 'string':
+                self._read(name, field.kind, 1 if count is None else count, int(field.kind[1:]))
+                continue
+            for number in range(1 if count is None else count):
+                self._step()
+                element = name if count is None else f'{name}[{number}]'
+                if field.is_message:
+                    self._visit(field.kind, f'{element}.', depth + 1)
+                else:
+                    self._read(element, 'string', self._length(), 1)
+
+    def _read(self, name: str, kind: str, count: int, width: int) -> None:
+        """Note the place of a field of `count` numbers or characters."""
+        start = self._pass_over(count * width, width if count else 1)
+        if name in self._wanted:
+            self.places[name] = Place(start, kind, count)
+
+    def _step(self) -> None:
+        self._steps += 1
+        # Messages of a humanoid robot have a thousand fields and elements.
+        if self._steps > 20_000:
+            raise MalformedImu('more than 20000 fields')
+
+    def _length(self) -> int:
+        start = self._pass_over(4, 4)
+        self.keys.append((start, start + 4))
+        return int.from_bytes(self._message[start:start + 4],
+                              'little' if self.byte_order == '<' else 'big')
+
+    def _pass_over(self, size: int, alignment: int) -> int:
+        """Skip the next `size` bytes after alignment; return where they begin."""
+        start = self._at
+        if self._aligned:
+            start += (4 - start) % alignment
+        self._at = start + size
+        if self._at > self.size:
+            raise MalformedImu(f'{self.size} bytes are too few for its type, which takes '
+                               f'{self._at} or more')
+        return start
+
+
+@dataclass(frozen=True)
+class RecordLayout:
+    """
+    Layout shared by messages that have their fields at the same positions.
+
+    Attributes
+    ----------
+    keys : list of (int, int)
+        Start and stop of the bytes in which messages of equal size with this layout agree.
+    record : dtype
+        A message as a record, with the paths of the numbers and arrays to read as names. Three
+        adjacent numbers form one more field, named by all three paths.
+    frame_id : Place or None
+        Position of the frame name.
+
+    """
+
+    keys: list[tuple[int, int]]
+    record: np.dtype[np.void]
+    frame_id: Place | None
+
+
+def _key(message: memoryview, layout: RecordLayout) -> bytes:
+    return b''.join(message[start:stop] for start, stop in layout.keys)
+
+
+def _joint_field(vector: Vector) -> str:
+    """Return the field name for three adjacent numbers; paths themselves contain no blank."""
+    return ' '.join(vector.paths)
 
 
 def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
@@ -242,7 +471,7 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
             'message': message}
 
 
-def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]) -> Ints:
+def _frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]) -> Ints:
     """Return indices of the frames that messages name; enter new names in `seen`."""
     if place is None:
         return np.full(len(rows), seen.setdefault('', len(seen)))
@@ -258,7 +487,7 @@ def frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]
 
 def _fill(out: Array, messages: NDArray[np.void], vector: Vector) -> None:
     """Write the values of a vector, in SI units, to `out` of shape (n, 3)."""
-    side_by_side = joint_field(vector)
+    side_by_side = _joint_field(vector)
     if side_by_side not in (messages.dtype.names or ()):
         for axis, path in enumerate(vector.paths):
             out[:, axis] = messages[path]
