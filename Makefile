@@ -42,7 +42,7 @@ PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3
 
 # Pictures, browsers, messages taken all the way to a result, and what takes longest, are left to
 # `make test`.
-FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timeline test/datasheet \
+FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timeline test/test_datasheet.py \
 	test/writers test/test_finding_messages.py \
 	-m 'not slow and not browser and not thorough' $(foreach slower,plot comparison, \
 	--ignore test/writers/test_$(slower).py) --ignore test/timeline/test_nothing_silent.py

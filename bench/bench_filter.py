@@ -27,11 +27,10 @@ from imu_allan.characterization.axis import characterize
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import AxisResult, DriftModel, GaussMarkov, Tone
-from imu_allan.tuning.backtest import COASTS_S, filtered, INTERVALS_S, MOST_STEPS
-from imu_allan.tuning.kalman import run_filters
+from imu_allan.tuning.backtest import COASTS_S, filtered, INTERVALS_S, MOST_STEPS, run_filters
+from imu_allan.tuning.forecast import spread_of_forecast
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.tuning.uncertainty import spread_of_forecast
 import numpy as np
 from numpy.typing import NDArray
 

@@ -115,7 +115,7 @@ def measure(rate: float, seconds: float, hours: float) -> dict[str, float]:
 def write_state(path: str, rate: float, hours: float) -> None:
     """Write the state file of a node that has heard this publisher for so long."""
     from imu_allan.node.run import new_run, pack, Setup
-    from imu_allan.node.state_file import StateFile
+    from imu_allan.node.storage import StateFile
     from imu_allan.timeline import TimelineOptions
 
     setup = Setup('/imu/data_raw', TimelineOptions())

@@ -23,15 +23,16 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import axis_coefficients
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.writers.curves import limits_of
-from imu_allan.writers.figure_style import (
+from imu_allan.writers.panels import (
     COLOURS,
     DASHES,
+    draw_curve,
+    draw_signal,
     empty_figure,
     frame,
     MARKERS,
     plot_style,
 )
-from imu_allan.writers.panels import draw_curve, draw_signal
 from imu_allan.writers.plot import overview_figure, render, sensor_figure
 import numpy as np
 

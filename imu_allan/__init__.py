@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from imu_allan.tuning.state_space import state_space, StateSpace
     from imu_allan.tuning.tune import assess, FilterTuning, tune
     from imu_allan.writers.plot import plot
-    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.result_files import load_result
 
 _WHERE = {name: f'imu_allan.{module}' for module, names in {
     'analysis': 'analyze', 'characterization': 'Characterization',
@@ -34,7 +34,7 @@ _WHERE = {name: f'imu_allan.{module}' for module, names in {
     'result': 'AxisResult Result', 'timeline': 'TimelineOptions',
     'tuning.forecast': 'DriftForecast predicted_drift',
     'tuning.state_space': 'state_space StateSpace', 'tuning.tune': 'assess FilterTuning tune',
-    'writers.plot': 'plot', 'writers.result_file': 'load_result',
+    'writers.plot': 'plot', 'writers.result_files': 'load_result',
 }.items() for name in names.split()}
 
 __all__ = [

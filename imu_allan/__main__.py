@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entry point of the command `imu_allan`, which is also `python -m imu_allan`."""
 
-from imu_allan.interruption import interruptible, quiet_interrupt
+from imu_allan.process import interruptible, quiet_interrupt, start_quickly
 
 
 def main() -> int:
     """Run the command; Ctrl-C ends it silently, even during its imports."""
     with quiet_interrupt():
-        from imu_allan.fast_startup import start_quickly
         start_quickly()
         from imu_allan.cli.main import main as run
 

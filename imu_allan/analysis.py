@@ -252,21 +252,6 @@ def _taken(recording: Recording, choice: Choice, progress: Progress,
 
 
 def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
-    """Yield each stream, ready to be read."""
-    for stream, options, blocks, noted in _streams(recording, choice, progress):
-        # Imported here, while another process has already begun to read.
-        import imu_allan.characterization as characterization
-        shortfall: list[Finding] = []
-        if choice.start_s or choice.duration_s is not None:
-            blocks = between(blocks, choice.start_s, choice.duration_s, recording.path, shortfall)
-        yield Taken(recording, stream, noted, blocks, characterization.Characterization(
-            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
-            shortfall)
-
-
-def _streams(recording: Recording, choice: Choice, progress: Progress
-             ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock],
-                                 Callable[[], list[Finding]]]]:
     """Yield each stream, ready to be read, with the options that apply to it."""
     streams = choose_streams(recording, choice.topic)
     for number, stream in enumerate(streams):
@@ -278,7 +263,15 @@ def _streams(recording: Recording, choice: Choice, progress: Progress
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
         blocks, noted = in_si_units(recording, stream, offset_progress(
             progress, number * recording.size_bytes, len(streams)))
-        yield stream, options, blocks, noted
+        # Imported here, while another process has already begun to read.
+        import imu_allan.characterization as characterization
+        shortfall: list[Finding] = []
+        if choice.start_s or choice.duration_s is not None:
+            blocks = between(blocks, choice.start_s, choice.duration_s, recording.path, shortfall)
+        yield Taken(recording, stream, noted, blocks, characterization.Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
+            shortfall)
+
 
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress

@@ -12,7 +12,7 @@ import tempfile
 from typing import Any, TYPE_CHECKING
 
 from hypothesis import settings
-from imu_allan.blas_threads import use_one_thread
+from imu_allan.process import use_one_thread
 import pytest
 from sources import ON_PYPI_ALONE
 

@@ -17,7 +17,7 @@ import time
 
 from imu_allan import analyze
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.result_file import load_result, save_result
+from imu_allan.writers.result_files import load_result, save_result
 import pytest
 from repeated import slow
 from whole_lines import unwritable

@@ -12,8 +12,8 @@ import signal
 import subprocess
 import sys
 
+from imu_allan import datasheet
 from imu_allan.cli.main import main
-from imu_allan.datasheet import live
 import numpy as np
 from processes import python
 import pytest
@@ -99,7 +99,7 @@ def test_command_of_the_tool_runs_as_printed(command, workplace, monkeypatch, ca
     # Of the shortened recording check cannot tell everything.
     well = (0, 4) if ' check ' in command else (0,)
     # Fewer looks, and a minute where a page takes hours: the options are the same.
-    monkeypatch.setattr(live, 'GROWTH', 2)
+    monkeypatch.setattr(datasheet, 'GROWTH', 2)
     shortened = re.sub(r'--duration \w+', '--duration 1min', command)
     if not set(command) & set('|&;<>*?$~'):
         # What needs no shell needs no process, whose start is half of the time.

@@ -25,8 +25,15 @@ from imu_allan.sensor.units import convert, engineering, parse, typeset
 from imu_allan.wording import number
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.curves import density_limits, limits_of
-from imu_allan.writers.figure_style import COLOURS, empty_figure, frame, plot_style
-from imu_allan.writers.panels import draw_curve, draw_density, draw_terms
+from imu_allan.writers.panels import (
+    COLOURS,
+    draw_curve,
+    draw_density,
+    draw_terms,
+    empty_figure,
+    frame,
+    plot_style,
+)
 from imu_allan.writers.plot import render
 import numpy as np
 import scipy.signal

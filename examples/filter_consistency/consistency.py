@@ -21,7 +21,7 @@ from pathlib import Path
 import imu_allan
 from imu_allan.noise.terms import AXES
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, MARKERS, plot_style
+from imu_allan.writers.panels import COLOURS, DASHES, empty_figure, MARKERS, plot_style
 from imu_allan.writers.plot import render
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

@@ -2,6 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `imu_allan`, with one module for each verb."""
 
-from imu_allan.blas_threads import use_one_thread
+from imu_allan.process import use_one_thread
 
 use_one_thread()

@@ -7,21 +7,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 import sys
+import traceback
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.fleet import FleetResults, raise_last
-from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.cli.workers import executor, in_order, Task
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.interruption import raise_if_interrupted
+from imu_allan.process import raise_if_interrupted
 from imu_allan.writers.atomic import RESULT
+from imu_allan.writers.terminal import console_of, print_wrapped, progress_bar
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.result import Result
-
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
@@ -63,8 +61,8 @@ def register(verbs: Any) -> None:
                         help='of the table (default: %(default)s)')
     parser.add_argument('--verbose', action='store_true',
                         help='findings in full, and terms that no axis shows, on a terminal too')
-    add_recording_options(parser)
-    add_timeline_options(parser)
+    arguments.add_recording_options(parser)
+    arguments.add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()
     workers.add_argument('--jobs', metavar='N', type=arguments.count, default=1,
                          help='recordings to work on at a time (default: %(default)s)')
@@ -79,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     """Characterize every recording; show each result once it and all earlier ones are done."""
     from imu_allan.recordings import recordings_in
 
-    choice, given = choice_of(args), args.recordings
+    choice, given = arguments.choice_of(args), args.recordings
     args.recordings = [str(path) for folder in given
                        for path in recordings_in(folder, choice.reading)]
     apart = len(args.recordings) > 1 and not args.together
@@ -118,13 +116,12 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 gathering.complaints.append(unsaved)
             elif task.folder is not None and len(tasks) == 1:
-                from imu_allan.writers.folder import kinds_of_files
-                from imu_allan.writers.terminal import print_wrapped
+                from imu_allan.writers.result_files import kinds_of_files
 
                 print_wrapped(f'Written to {printable(str(task.folder))}: '
                               f'{", ".join(kinds_of_files(task.exports))}')
-            from imu_allan.fleet.population import shows_anything
-            from imu_allan.writers.verdict_lines import verdict_lines
+            from imu_allan.fleet import shows_anything
+            from imu_allan.writers.key_figures import verdict_lines
 
             if not shows_anything(result):
                 topic = task.choice.topic if args.all_topics else None
@@ -162,10 +159,10 @@ def _require_own_folder(recordings: Sequence[str], outputs: Sequence[Path | None
 
 
 def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
-           gathering: FleetResults) -> list[Task]:
+           gathering: 'FleetResults') -> list[Task]:
     """Return the tasks; recordings that cannot be opened have failed."""
-    from imu_allan.fleet.names import distinct_names, unit_names
     from imu_allan.recordings import open_recording
+    from imu_allan.wording import distinct_names, unit_names
 
     units = unit_names(args.recordings, by_folder=args.name_from == 'folder')
     found: list[tuple[str, str, str | None, int]] = []
@@ -195,7 +192,7 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
 def _require_room(args: argparse.Namespace, tasks: Sequence[Task]) -> None:
     """Raise ImuAllanError if an output cannot be written, before any work is done."""
     from imu_allan.writers.atomic import require_replaceable_in, require_writable
-    from imu_allan.writers.folder import kinds_of_files
+    from imu_allan.writers.result_files import kinds_of_files
 
     if args.json is not None and not Path(args.json).exists():
         require_writable(Path(args.json).parent)
@@ -209,10 +206,9 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
               brief: bool) -> None:
     """Print a result, whose folder has been written already."""
     from imu_allan.writers.filters import export
-    from imu_allan.writers.result_file import save_result
+    from imu_allan.writers.key_figures import verdict_lines
+    from imu_allan.writers.result_files import save_result
     from imu_allan.writers.table import result_table
-    from imu_allan.writers.terminal import console_of
-    from imu_allan.writers.verdict_lines import verdict_lines
 
     try:
         if args.json is not None:
@@ -232,3 +228,65 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         table.flush()
         print('\n'.join(configurations), end='')
         sys.stdout.flush()
+
+
+class FleetResults:
+    """Collects the results of many recordings, without the parts that a fleet does not need."""
+
+    def __init__(self, output: Path | None) -> None:
+        self.complaints: list[ImuAllanError] = []
+        self._output = output
+        self._results: dict[str, Result] = {}
+        self._failures: list[tuple[str, str, str]] = []
+        self._means: dict[tuple[float, ...], str] = {}
+
+    def add(self, task: Task, result: 'Result') -> None:
+        """Add a result; one from the same messages as an earlier one counts as a failure."""
+        # Two recordings never have the same means to the last digit, except on dead axes.
+        means = tuple(axis.mean for axis in result.axes.values()
+                      if axis.mean is not None and not axis.constant)
+        if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
+            from imu_allan.analysis import same_messages_error
+
+            self._failures.append((task.unit, task.path,
+                                   str(same_messages_error(other, task.unit))))
+            return
+        # Signal and spectrum are most of a result; those of a thousand would fill the memory.
+        axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
+                for name, axis in result.axes.items()}
+        self._results[task.unit] = replace(result, axes=axes)
+
+    def fail(self, unit: str, path: str, error: BaseException) -> None:
+        """Add a recording that has failed; print the traceback of an unexpected error."""
+        if not isinstance(error, ImuAllanError):
+            traceback.print_exception(error)
+            sys.stderr.flush()
+            error = ImuAllanError(f'{path}: an unexpected {type(error).__name__} ({error}); '
+                                  'the traceback above shows a bug, please report it')
+        self.complaints.append(error)
+        self._failures.append((unit, path, str(error)))
+
+    def finish(self) -> None:
+        """Print the table of all units, and write the files of the fleet if there is a folder."""
+        if len(self._results) + len(self._failures) < 2:
+            return
+        from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
+
+        fleet = Fleet(self._results, tuple(Failure(*failure) for failure in self._failures),
+                      folders=True)
+        console = console_of()
+        console.print('', population_table(fleet, console.width), sep='\n')
+        if self._output is not None:
+            paths = save_fleet(fleet, self._output)
+            names = ', '.join(path.name for path in reversed(paths))
+            print_wrapped(f'Written to {printable(str(self._output))}: {names}; a folder for each '
+                          'unit')
+
+
+def raise_last(complaints: Sequence[ImuAllanError]) -> None:
+    """Print why recordings failed, one line each; raise the last error to end the command."""
+    sys.stdout.flush()
+    for complaint in complaints[:-1]:
+        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if complaints:
+        raise complaints[-1]

@@ -8,10 +8,9 @@ from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli import arguments
-from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, add_timeline_options, choice_of
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import CERTIFICATE, JUNIT, VERDICTS
+from imu_allan.writers.terminal import console_of, progress_bar, wrapped
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
@@ -53,8 +52,8 @@ def register(verbs: Any) -> None:
                         help='write the verdicts as an A4 sheet (HTML)')
     arguments.add_inspection(parser)
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
-    add_recording_options(parser)
-    add_timeline_options(parser)
+    arguments.add_recording_options(parser)
+    arguments.add_timeline_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('source', 'spec'), outputs={
         'json': VERDICTS, 'junit': JUNIT, 'certificate': CERTIFICATE})
@@ -68,9 +67,8 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.terminal import console_of, wrapped
 
-    specification, choice = arguments.specification_of(args.spec), choice_of(args)
+    specification, choice = arguments.specification_of(args.spec), arguments.choice_of(args)
     source, *others = map(str, recordings_in(args.source, choice.reading))
     if others:
         raise ImuAllanError(f'{args.source}: holds {1 + len(others)} recordings; check each by '
@@ -107,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
 def _result_of(source: str, args: argparse.Namespace, choice: 'Choice') -> 'Result':
     """Return the result in a file, or that of a recording."""
     from imu_allan.analysis import analyzed
-    from imu_allan.writers.result_file import is_result, load_result
+    from imu_allan.writers.result_files import is_result, load_result
 
     if is_result(source):
         return load_result(source)
@@ -121,9 +119,9 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
     """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import growing
     from imu_allan.characterization.join_gyro_and_accel import fitted
-    from imu_allan.datasheet.live import check_state, next_look
+    from imu_allan.datasheet import check_state, next_look
     from imu_allan.wording import duration as said
-    from imu_allan.writers.result_file import is_result
+    from imu_allan.writers.result_files import is_result
 
     if is_result(source):
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')

@@ -58,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.filters import CONSUMERS, export, ExportOptions
-    from imu_allan.writers.filters.from_datasheet import result_of_datasheet
-    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.filters.chosen_numbers import result_of_datasheet
+    from imu_allan.writers.result_files import load_result
 
     if (args.result is None) == (args.spec is None):
         args.parser.error('takes a RESULT, or a datasheet by --spec FILE')

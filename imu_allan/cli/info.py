@@ -8,11 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.fleet import raise_last
-from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.analyze import raise_last
+from imu_allan.cli.arguments import add_recording_options, recording_options
 from imu_allan.errors import brief, ImuAllanError, printable
-from imu_allan.writers.terminal import console_of, print_wrapped, wrapped
+from imu_allan.writers.terminal import console_of, print_wrapped, progress_bar, wrapped
 
 if TYPE_CHECKING:
     from imu_allan.recordings import Recording

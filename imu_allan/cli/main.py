@@ -20,7 +20,7 @@ from typing import Any
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import Shown
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.interruption import drop_stdout, EXIT_BROKEN_PIPE, exit_status
+from imu_allan.process import drop_stdout, EXIT_BROKEN_PIPE, exit_status
 from imu_allan.version import __version__
 
 

@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Mapping
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.writers.terminal import console_of, wrapped
+
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
@@ -30,18 +32,18 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
-    from imu_allan.fleet.names import unit_names
-    from imu_allan.writers import folder
+    from imu_allan.wording import unit_names
+    from imu_allan.writers import result_files
     from imu_allan.writers.atomic import write_files
-    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.result_files import load_result
 
     results = [load_result(path) for path in args.results]
     if len(results) == 1:
-        paths = write_files(args.output, folder.report_files(results[0], args.format))
+        paths = write_files(args.output, result_files.report_files(results[0], args.format))
     else:
         named = dict(zip(unit_names(args.results), results, strict=True))
-        paths = write_files(args.output, folder.comparison_files(named, args.format))
-        _print_comparison(named, in_detail=len(named) <= folder.MOST_COMPARED)
+        paths = write_files(args.output, result_files.comparison_files(named, args.format))
+        _print_comparison(named, in_detail=len(named) <= result_files.MOST_COMPARED)
     print(*paths, sep='\n')
     return 0
 
@@ -49,7 +51,6 @@ def run(args: argparse.Namespace) -> int:
 def _print_comparison(results: 'Mapping[str, Result]', *, in_detail: bool) -> None:
     from imu_allan.writers.comparison import compare, difference_table, verdicts
     from imu_allan.writers.fleet import Fleet, population_table
-    from imu_allan.writers.terminal import console_of, wrapped
 
     console = console_of()
     if in_detail:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, rate, whole_number
-from imu_allan.cli.progress import progress_bar
 from imu_allan.errors import ImuAllanError
+from imu_allan.writers.terminal import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

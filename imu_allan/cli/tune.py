@@ -8,15 +8,14 @@ import json
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration
-from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.arguments import add_recording_options, duration, recording_options
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import TUNING
+from imu_allan.writers.terminal import console_of, progress_bar, wrapped
 
 if TYPE_CHECKING:
     from imu_allan.result import AxisResult
-    from imu_allan.tuning.field_test import FieldTest
+    from imu_allan.tuning.backtest import FieldTest
 
 
 def register(verbs: Any) -> None:
@@ -52,8 +51,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables, and write the requested files."""
     from imu_allan.writers import tuning_table
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.result_file import load_result
-    from imu_allan.writers.terminal import console_of, wrapped
+    from imu_allan.writers.result_files import load_result
 
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
@@ -85,8 +83,8 @@ def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict
     """Run filters with the numbers of some axes over the other recording."""
     from imu_allan.analysis import Choice, records_of
     from imu_allan.timeline import TimelineOptions
-    from imu_allan.tuning.field_test import field_test
-    from imu_allan.writers.result_file import is_result
+    from imu_allan.tuning.backtest import field_test
+    from imu_allan.writers.result_files import is_result
 
     if is_result(args.verify):
         raise ImuAllanError(f'--verify {args.verify}: is a result, without samples to run filters '

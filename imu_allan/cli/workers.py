@@ -23,8 +23,8 @@ import threading
 from typing import Any, IO, TYPE_CHECKING, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.fast_startup import start_quickly
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
+from imu_allan.process import start_quickly
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -87,7 +87,7 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
     if task.inspection:
         result = replace(result, inspection=Inspection(**task.inspection))
     if task.folder is not None:
-        from imu_allan.writers.folder import save_folder
+        from imu_allan.writers.result_files import save_folder
         try:
             save_folder(result, task.folder, task.exports)
         except ImuAllanError as error:

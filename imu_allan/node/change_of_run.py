@@ -13,12 +13,21 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from imu_allan.block import ImuBlock
-from imu_allan.node.facts import Facts
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import Lane, new_run, Run, Setup
-from imu_allan.node.same_imu import FEWEST_MESSAGES, in_parts, Known, LOOK_S, messages
-from imu_allan.node.sequence_numbers import MIXED
-from imu_allan.node.state_file import UnusableState
+from imu_allan.node.reception import MIXED
+from imu_allan.node.run import (
+    FEWEST_MESSAGES,
+    in_parts,
+    Known,
+    Lane,
+    LOOK_S,
+    messages,
+    new_run,
+    Run,
+    Setup,
+    UnusableState,
+)
 from imu_allan.wording import duration
 
 

@@ -9,7 +9,7 @@ the middleware's queue only for moments. Faults of drivers, subscribers or disks
 the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, wait
 from threading import RLock
 import time
@@ -18,6 +18,7 @@ from typing import Any
 from imu_allan.block import Half
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.change_of_run import Runs
+from imu_allan.node.diagnostics import diagnostics_message, timeline_counts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
 from imu_allan.node.output_topics import OutputTopics
@@ -25,25 +26,28 @@ from imu_allan.node.parameters import CHARACTERIZATION, declare, TOPIC, warn_of_
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
 from imu_allan.node.reception import QUEUE_MESSAGES, Reception
-from imu_allan.node.reports import Reports
-from imu_allan.node.run import Run, Setup
-from imu_allan.node.same_imu import LOOK_S
-from imu_allan.node.state_file import UnusableState
+from imu_allan.node.run import Lane, LOOK_S, Run, Setup, UnusableState, useless
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
-from imu_allan.timeline import TimelineOptions
-from imu_allan.writers.verdict_lines import closing_lines
+from imu_allan.result import Result
+from imu_allan.timeline import TimelineOptions, TimelineSummary
+from imu_allan.writers.key_figures import closing_lines
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
+from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 TICK_S = 0.5
 """Time between ticks: a fifth of what the queue holds, so that late ticks lose nothing. Shorter
 ones wake up needlessly, and decode fewer messages at a time, each time at numpy's fixed cost."""
+REPORT_S = 1.0
+"""As diagnostic_updater does; an aggregator considers a status stale after 5 s."""
+UNWATCHED_S = 10.0
+"""Without subscribers, examine the timeline this often for the log: it is copied each time."""
 
 
 class CharacterizationNode(AnyExecutorNode):
@@ -325,3 +329,63 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
     return [(gyro, 'gyro'), (accel, 'accel')]
+
+
+class Reports:
+    """Collects, logs and publishes the facts about each topic."""
+
+    def __init__(self, node: Node, receptions: Sequence[Reception], outputs: OutputTopics,
+                 log: Log) -> None:
+        self._node = node
+        self._receptions = receptions
+        self._outputs = outputs
+        self._log = log
+        self._last = self._last_look = time.monotonic()
+        self._last_cpu = time.process_time()
+
+    def due(self, now: float) -> bool:
+        """Return whether it is time for the next report."""
+        return now - self._last >= REPORT_S
+
+    def report(self, now: float, run: Run, result: Result | None) -> None:
+        """Update the facts, write the log, and publish."""
+        cpu = time.process_time()
+        received = sum([reception.look(now, now - self._last) for reception in self._receptions])
+        for reception in self._receptions:
+            if received:
+                reception.facts.cpu_s = (cpu - self._last_cpu) / received
+            reception.changes.see_reception(reception.facts)
+        self._last, self._last_cpu = now, cpu
+        facts = self._receptions[0].facts
+        self._receptions[0].changes.see_progress(now, facts, result)
+        watched = bool(self._outputs.diagnostics.get_subscription_count())
+        waited_for = any(reception.facts.received > 0 and reception.changes.began is None
+                         for reception in self._receptions)
+        if watched or waited_for or now - self._last_look >= UNWATCHED_S:
+            self._last_look = now
+            topics = [(reception.facts, self._look(now, lane, reception))
+                      for reception, lane in zip(self._receptions, run.lanes, strict=True)]
+            if watched:
+                self._outputs.diagnostics.publish(diagnostics_message(
+                    self._node.get_fully_qualified_name(), self._node.get_clock().now().to_msg(),
+                    topics, result))
+                for reception in self._receptions:
+                    reception.facts.longest_hold_s = 0.0
+
+    def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
+        """Summarize the timeline, and log what has changed."""
+        facts = reception.facts
+        snapshot = lane.snapshot().characterization
+        try:
+            snapshot.finish()
+        except ImuAllanError as error:
+            # The samples that the timeline holds back are unusable; the next ones may be usable.
+            facts.update_error = useless(error)
+            self._log.error(facts.update_error, f'useless samples {facts.topic}')
+        else:
+            facts.update_error = ''
+        summary = snapshot.summary()
+        facts.timeline = summary.timeline
+        facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
+        reception.changes.see_timeline(now, facts, summary)
+        return summary

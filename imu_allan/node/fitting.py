@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from imu_allan.characterization.join_gyro_and_accel import fitted
-from imu_allan.node.facts import Facts
-from imu_allan.node.log_of_changes import LogOfChanges
-from imu_allan.node.output_topics import OutputTopics
-from imu_allan.node.result_messages import result_messages
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.log import LogOfChanges
+from imu_allan.node.output_topics import OutputTopics, result_messages
 from imu_allan.node.run import Run
 from imu_allan.node.standards import Comparison, Standards
 from imu_allan.node.worker import Worker

@@ -12,7 +12,7 @@ import signal
 import sys
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.fast_startup import start_quickly
+from imu_allan.process import start_quickly
 
 
 class StopRequest:

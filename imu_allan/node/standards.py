@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from imu_allan.characterization import Characterization
-from imu_allan.datasheet import check, Verdict
-from imu_allan.datasheet.live import check_state, CheckState, next_look
-from imu_allan.datasheet.measured import zero_bias
+from imu_allan.datasheet import check, check_state, CheckState, next_look, Verdict, zero_bias
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.parameters import at_home
 from imu_allan.noise.axis_fit import AxisFit
@@ -18,7 +16,7 @@ from imu_allan.result import Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import summary
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_files import load_result
 
 Stream = Characterization | Mapping[str, Characterization]
 

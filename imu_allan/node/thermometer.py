@@ -7,8 +7,8 @@ import time
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
-from imu_allan.node.facts import Facts
 from imu_allan.node.log import Log
 from imu_allan.recordings.thermometers import in_celsius, share_namespace
 import numpy as np

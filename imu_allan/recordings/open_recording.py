@@ -10,10 +10,10 @@ from pathlib import Path
 import re
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.fleet.names import natural
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording, unreadable_error
+from imu_allan.wording import natural
 
 _RESULTS = ('result.json', 'fleet.json')
 

@@ -1,36 +1,104 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Backtest of the drift model on data not used in its fit: the other half of the same record.
+Kalman filters run over data that their numbers are not from.
 
-Each half is fitted as if it were the whole recording, and a Kalman filter of that model runs over
-the other. Everything comes from the whole-record series, at most 8192 means in equal cells, which
-the estimator keeps in any case. That takes constant memory, and no second pass over the file.
-Horizons are therefore multiples of a cell, some two seconds for a recording of three hours.
+Backtest: each half of a record is fitted as if it were the whole one, and a filter of that model
+runs over the other half. Everything comes from the whole-record series, at most 8192 means in
+equal cells, which the estimator keeps in any case. That takes constant memory, and no second pass
+over the file. Horizons are therefore multiples of a cell, some two seconds for a recording of
+three hours.
+
+Field test: filters with the numbers of one recording run over another, of another day or with the
+motors on. They see means of about a second of the data at rest, and restart after every
+interruption. A robot that has moved in between has another attitude to gravity and the earth's
+rotation, which is not drift.
+
+All axes and both directions of a test run in one loop. A step costs a dozen operations on small
+arrays, whether one filter runs or twenty.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain
+from math import log2, sqrt
 
+from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
+from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.record.bins import bins_of
-from imu_allan.noise.record.cells import Cells
+from imu_allan.noise.record.cells import Cells, coarser
 from imu_allan.noise.record.gaps import filled
 from imu_allan.noise.record.groups import grouped
-from imu_allan.noise.record.periodogram import whole_section
-from imu_allan.result import AxisResult, Backtest, Coast, DriftModel, Innovations, Interval, Tone
-from imu_allan.tuning.kalman import Filtered, run_filters
-from imu_allan.tuning.state_space import space_of
-from imu_allan.tuning.uncertainty import coast_bands
+from imu_allan.noise.record.periodogram import Periodogram, SHORTEST, whole_section
+from imu_allan.result import (
+    AxisResult,
+    Backtest,
+    Coast,
+    DriftModel,
+    GaussMarkov,
+    Innovations,
+    Interval,
+    Tone,
+)
+from imu_allan.tuning.forecast import coast_bands
+from imu_allan.tuning.state_space import space_of, StateSpace
+from imu_allan.tuning.tune import Bias, FilterTuning, tune
 import numpy as np
+from numpy.typing import ArrayLike
 
 INTERVALS_S = (1.0, 10.0, 60.0)    # time between corrections
 COASTS_S = (10.0, 60.0, 300.0)
 """Times without correction, from some missed satellite fixes to a tunnel. Chosen by judgment, as
 are the intervals."""
 MOST_STEPS = 4096       # in one half, as every filter step costs time
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Innovations and states of filters, step by step."""
+
+    innovation: Array    # (filters, steps): mean minus prediction
+    variance: Array    # (filters, steps): predicted variance of the innovation
+    # By step: state before it, (filters, states), and its covariance, (filters, states, states)
+    before: dict[int, tuple[Array, Array]]
+
+
+def run_filters(spaces: Sequence[StateSpace], means: ArrayLike, kept: Set[int] = frozenset()
+                ) -> Filtered:
+    """
+    Run the Kalman filter of each state space over its consecutive means.
+
+    A space with fewer states than others has zeros after its last one. Let x, P be before a step,
+    and y its mean. Then ``S = H P H' + R``, ``G = (A P H' + C)/S``, ``x = A x + G (y - H x)`` and
+    ``P = A P A' + Q - G S G'``. x and P are kept for the steps in `kept`.
+    """
+    series = np.asarray(means, dtype=np.float64)
+    lanes, steps = series.shape
+    n = max(len(space.transition) for space in spaces)
+    decay, h, cross = np.zeros((lanes, n)), np.zeros((lanes, n)), np.zeros((lanes, n))
+    process, p = np.zeros((lanes, n, n)), np.zeros((lanes, n, n))
+    for lane, space in enumerate(spaces):
+        k = len(space.transition)
+        decay[lane, :k] = np.diag(space.transition)
+        h[lane, :k], cross[lane, :k] = space.observation[0], space.cross[:, 0]
+        process[lane, :k, :k], p[lane, :k, :k] = space.process, space.initial
+    r = np.array([float(space.measurement[0, 0]) for space in spaces])
+    both = decay[:, :, None] * decay[:, None, :]
+    x = np.zeros((lanes, n))
+    found = Filtered(np.empty((lanes, steps)), np.empty((lanes, steps)), {})
+    for k in range(steps):
+        if k in kept:
+            found.before[k] = x, p
+        ph = (p * h[:, None, :]).sum(axis=2)
+        predicted = (h * ph).sum(axis=1) + r
+        innovation = series[:, k] - (h * x).sum(axis=1)
+        gain = (decay * ph + cross) / predicted[:, None]
+        found.innovation[:, k], found.variance[:, k] = innovation, predicted
+        x = decay * x + gain * innovation[:, None]
+        p = both * p + process - predicted[:, None, None] * gain[:, :, None] * gain[:, None, :]
+    return found
 
 
 @dataclass(frozen=True)
@@ -173,3 +241,86 @@ def _fitted(row: Array, step_s: float) -> DriftModel | None:
     # Relative to its mean, so that a large one costs no digits.
     section = whole_section((row - row.mean())[None])
     return fit_drift_model(grouped(bins_of([section], step_s), 0), step_s)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Performance of one filter."""
+
+    # Over means of 1, 10 and 60 s, if the stops are long enough
+    innovations: tuple[Innovations, ...]
+    coasts: tuple[Coast, ...]    # over 10, 60 and 300 s
+    # Where 95 % of the observed deviations should lie, given how much a sensor's drift usually
+    # changes, and the number of outages
+    bands: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class FieldTest:
+    """Numbers of one axis, tested in another recording."""
+
+    tested_s: float    # duration at rest there
+    stops: int    # number of parts at rest
+    # Of the tuned pair, and of the whole drift model
+    tuned: Outcome
+    full: Outcome
+
+    @property
+    def noise_factor(self) -> tuple[float, Interval]:
+        """Return the factor that makes N right over the shortest interval, with its interval."""
+        shortest = self.tuned.innovations[0]
+        low, high = (sqrt(shortest.nis * shortest.steps / float(of(0.025, shortest.steps)))
+                     for of in (chi_square.upper, chi_square.lower))
+        return sqrt(shortest.nis), (low, high)
+
+    @property
+    def drift_factor(self) -> tuple[float, Interval] | None:
+        """Return observed over predicted drift after the longest outage, with its interval."""
+        if not self.tuned.coasts:
+            return None
+        longest, (low, high) = self.tuned.coasts[-1], self.tuned.bands[-1]
+        observed = longest.observed_rms
+        return observed / longest.predicted_sigma, (observed / high, observed / low)
+
+
+def field_test(axes: Mapping[str, AxisResult], names: Sequence[str], spectrum: Periodogram,
+               dt: float, aiding_interval_s: float = 0.1, coast_s: float = 60.0,
+               bias: Bias = 'random_walk') -> dict[str, FieldTest]:
+    """
+    Run filters with the numbers of axes, which have drift models, over another recording.
+
+    `names`, `spectrum`, `dt`: axes of the other recording, its finished spectrum and sample
+    interval. Returns: none if nothing is at rest for 16 means in a row.
+    """
+    times = 2**max(0, round(log2(INTERVALS_S[0] / (spectrum.cell * dt))))
+    cell, series = spectrum.cell * times, coarser(spectrum.series, times)
+    whole = segments(series, cell)
+    # A constant axis has no noise to compare.
+    rows = [i for i, name in enumerate(names)
+            if name in axes and any(np.ptp(part[i]) > 0 for part in whole)]
+    kept = {names[i]: axes[names[i]] for i in rows}
+    parts = [part[rows] for part in whole if part.shape[1] >= SHORTEST]
+    if not kept or not parts:
+        return {}
+    fed = [(model, tones) for axis in kept.values() for model, tones in (
+        (_as_model(tune(axis, aiding_interval_s, coast_s, bias)), ()),
+        (drift_model_of(axis), axis.tones))]
+    # Long parts are split, too, as filters keep much for every step.
+    met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
+                         for at in range(0, part.shape[1], MOST_STEPS)), cell * dt)
+    return {name: FieldTest(sum(part.shape[1] for part in parts) * cell * dt, len(parts),
+                            _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis))
+            for i, (name, axis) in enumerate(kept.items())}
+
+
+def _as_model(tuning: FilterTuning) -> DriftModel:
+    """Return the drift model that a filter with these numbers assumes."""
+    process = () if tuning.sigma is None or tuning.correlation_time_s is None else (
+        GaussMarkov(tuning.sigma, tuning.correlation_time_s),)
+    return DriftModel(tuning.noise_density, tuning.random_walk or 0.0, process, 0.0, 0.0)
+
+
+def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
+    innovations, coasts = met.of(lane)
+    outages = [met.coasts[coast.horizon_s][2] for coast in coasts]
+    return Outcome(innovations, coasts, coast_bands(axis, coasts, outages))

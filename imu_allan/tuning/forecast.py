@@ -7,24 +7,30 @@ The bias was averaged over some time before and subtracted. The drift model then
 variance of what remains: of the mean over the outage about the mean before it, and for a position
 of the double integral. The intervals cover what the recording does not know: how well a few
 independent segments of that length give a variance, and how much the drift changes between parts.
+The same uncertainty widens tuned numbers, and the bands of tests on other data.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from imu_allan.argument_checks import drift_model_of, positive_time
 from imu_allan.arrays import Array
-from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise import chi_square
+from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power, Quantity
-from imu_allan.result import AxisResult, DriftModel, Interval
-from imu_allan.tuning.uncertainty import hidden_variance, spread_of_forecast
+from imu_allan.noise.uncertainty import most_below
+from imu_allan.result import AxisResult, Coast, DriftModel, Interval
 import numpy as np
+from numpy.typing import ArrayLike
 
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
 """From the interval of satellite fixes to an hour without any, as many as fit into 80 columns."""
 VAGUE = 10.0
 """If a bound of a forecast differs from the value by more than this factor, it is not given."""
+_UNSTEADINESS = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
+"""Standard deviation of the logarithm of the drift between two halves of real recordings. It is
+half of that of the variance of the mean over 60 s."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +103,7 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
     model = drift_model_of(axis)
     h = np.array([positive_time('horizons_s', one) for one in horizons_s])
     c = positive_time('calibration_s', calibration_s)
-    wide = np.exp(NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
+    wide = np.exp(chi_square.NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
     beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))
     angle = h * np.sqrt(_mean_about_mean(axis, model, h, c) + beyond)
     position, band = None, None
@@ -149,3 +155,80 @@ def _double_integral(time: float, h: Array) -> Array:
     exact = 2 * time**4 * (x**3 / 3 - x**2 / 2 - np.expm1(-x) - x * np.exp(-x))
     # At 0.05 the series errs by 1e-8; at a quarter of it, the formula errs by 1e-9 (cancellation).
     return np.where(x < 0.05, h**4 / 4 * (1 - 4 * x / 15 + x**2 / 18 - x**3 / 105), exact)
+
+
+def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
+    """
+    Return what a random walk may add to the variance of the mean beyond the recording.
+
+    This random walk just reaches the level of the model at the longest known horizon, and so could
+    have stayed hidden.
+    """
+    model = drift_model_of(axis)
+    level = float(drift_avar(model, axis.tones, model.to_s))
+    return np.asarray(level * np.maximum(horizons / model.to_s - 1, 0))
+
+
+def known_less_than(axes: Mapping[str, AxisResult], time_s: float) -> float | None:
+    """Return for how long the axes know their drift if `time_s` exceeds that, else None."""
+    known = min((axis.drift_model.to_s for axis in axes.values() if axis.drift_model is not None),
+                default=time_s)
+    return known if time_s > known * (1 + 1e-6) else None
+
+
+def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
+    """Return the equivalent degrees of freedom of the variance between means, from the curve."""
+    tau, edf = np.array(axis.curve.tau_s), np.array(axis.curve.edf)
+    inside = np.exp(np.interp(np.log(horizons), np.log(tau), np.log(edf)))
+    # Beyond the curve there are fewer and fewer segments of that length.
+    return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
+
+
+def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
+    """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
+    # The limit, for a horizon of thousands of records, keeps its band finite.
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
+    return np.asarray(np.hypot(np.sqrt(1 / (2 * dof)), _UNSTEADINESS[axis.quantity]))
+
+
+def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
+                ) -> tuple[Interval, ...]:
+    """Return where 95 % of the deviations observed without correction should lie."""
+    horizons = np.array([coast.horizon_s for coast in coasts])
+    # The spread of a root mean square of n is sqrt(1 / 2n).
+    spread = np.hypot(spread_of_forecast(axis, horizons), np.sqrt(0.5 / np.asarray(outages)))
+    return tuple((coast.predicted_sigma / by, coast.predicted_sigma * by) for coast, by in
+                 zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
+
+
+def upper_of_white(axis: AxisResult) -> float:
+    """Return the factor from the variance of white noise to its upper 95 % end."""
+    # It is known from the whole band, whatever the horizon.
+    best = float(np.max(axis.curve.edf))
+    return best / float(chi_square.lower(0.05, best))
+
+
+def upper_of_drift(axis: AxisResult, horizons: Array) -> Array:
+    """Return the factors from an expected variance of drift to its upper 95 % end, by horizon."""
+    # The record is finite, and drift changes. Both causes rarely reach their ends at once, so
+    # their logarithms add in square.
+    # At least half a degree of freedom, as for a horizon as long as the record, keeps intervals
+    # finite.
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
+    sampling = np.log(dof / chi_square.lower(0.05, dof))
+    # 95 % of a normal distribution lie below 1.645 standard errors.
+    return np.asarray(np.exp(np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])))
+
+
+def upper_bound(axis: AxisResult, key: str) -> float | None:
+    """
+    Return the upper bound of a noise term that is not observable; None if there is none.
+
+    A trend that is removed by the fit and curved like a random walk can take all information about
+    the random walk with it. Its bound is then arbitrary. The measured curve, however, contains the
+    term as well as the trends.
+    """
+    bound = axis.coefficients[key].upper95
+    highest = np.array(axis.curve.ci95).reshape(-1, 2)[:, 1]
+    most = most_below(np.array(axis.curve.tau_s), highest, key, axis.band_limit_s)
+    return min(bound, most) or None if bound and most is not None else None

@@ -13,16 +13,16 @@ from typing import Any, TYPE_CHECKING
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan import wording
-from imu_allan.datasheet.verdicts import Outcome, overall, Verdict
+from imu_allan.datasheet import Outcome, overall, Verdict
 from imu_allan.errors import printable, shorten
 from imu_allan.result import Inspection, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import convert, typeset, unit_of
 from imu_allan.version import __version__
 from imu_allan.wording import measured, number
+from imu_allan.writers.key_figures import findings_line
 from imu_allan.writers.pages import rendered
 from imu_allan.writers.terminal import bare_table
-from imu_allan.writers.verdict_lines import findings_line
 
 if TYPE_CHECKING:
     from rich.table import Table

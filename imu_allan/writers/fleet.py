@@ -3,7 +3,7 @@
 """
 A fleet as its outputs show it: for each outlier the reason, a table, JSON, CSV and an HTML page.
 
-The figure of the page is in `fleet_figure`.
+The figure of the page is in `plot`.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.finding_messages import for_display
-from imu_allan.fleet.population import (
+from imu_allan.fleet import (
     FEWEST_UNITS,
     MEAN,
     Outlier,
@@ -37,13 +37,11 @@ from imu_allan.version import __version__
 from imu_allan.wording import counted, listed, named, number, ranged, rounded
 from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of, reported
-from imu_allan.writers.figure_style import DARK
-from imu_allan.writers.fleet_figure import curves_figure
-from imu_allan.writers.key_figures import worst_of
+from imu_allan.writers.key_figures import findings_line, worst_of
 from imu_allan.writers.pages import rendered, text_of
-from imu_allan.writers.plot import render
+from imu_allan.writers.panels import DARK
+from imu_allan.writers.plot import curves_figure, render
 from imu_allan.writers.terminal import bare_table, wrapped
-from imu_allan.writers.verdict_lines import findings_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

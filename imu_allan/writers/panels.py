@@ -1,12 +1,17 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Contents of the panels of figures: Allan deviation with its terms, spectrum, and signal.
+The panels of all figures: their style and frame, Allan deviation with its terms, spectrum, signal.
 
-They share dashes and colours, and use matplotlib's object interface without pyplot or a display.
+The colours of the three axes are distinguishable with colour-blind vision, their markers and
+dashes also in greyscale print. Figures use matplotlib's object interface and its built-in
+defaults, without pyplot or a display, and independently of files in the current folder.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import inf
 from typing import Any, TYPE_CHECKING
 
@@ -14,23 +19,125 @@ from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
-from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
-from imu_allan.wording import duration
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
+from imu_allan.wording import duration, SAMPLES
 from imu_allan.writers import curves
-from imu_allan.writers.figure_style import COLOURS, write_in_a_row
-from imu_allan.writers.svg import best_place, Box, FONT, LETTER
+from imu_allan.writers.svg import best_place, Box, FONT, LETTER, power_text
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
-_DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
-                           'bias_instability': (0, (8, 2, 1, 2)),
-                           'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
+# After Okabe and Ito's palette for colour-blind readers. The blue is deeper, as theirs resembles
+# the green to tritanopes.
+COLOURS = {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'soft': '#6b6b6b',
+           'grid': '#e3e3e3', 'paper': '#ffffff', 'gap': '#8c8c8c', 'motion': '#e69f00',
+           'good': '#eef3f7'}
+SERIES = (COLOURS['z'], COLOURS['x'], COLOURS['y'], '#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b')
+"""Colours of results that are compared; no more than seven can be distinguished."""
+DARK = {'#d55e00': '#ff8c42', '#009e73': '#4fe3b4', '#2340a0': '#5a8cf0', '#1a1a1a': '#ececec',
+        '#6b6b6b': '#a5a5a5', '#e3e3e3': '#333840', '#ffffff': '#16181c', '#eef3f7': '#232a33',
+        '#cc79a7': '#e39ac4', '#b8860b': '#f0e442', '#56b4e9': '#9fd0f0'}
+"""Replacements for these colours in a picture when the page is dark."""
+MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
+DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
+    'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
+"""Dashes of the model lines if several axes share a panel: x and y look the same in greyscale."""
+_TERM_DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
+                                'bias_instability': (0, (8, 2, 1, 2)),
+                                'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
 
 
-def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
+def empty_figure(width: float, height: float) -> Figure:
+    """Return a figure of the given size in inches that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+@contextmanager
+def plot_style() -> Iterator[None]:
+    """Apply the fonts, lines and colours of all figures within the context."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({
+            'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,
+            'axes.titlesize': 10, 'axes.titleweight': 'bold',
+            'xtick.labelsize': 8, 'ytick.labelsize': 8,
+            'figure.facecolor': COLOURS['paper'], 'axes.facecolor': COLOURS['paper'],
+            'text.color': COLOURS['ink'],
+            'axes.labelcolor': COLOURS['ink'], 'xtick.color': COLOURS['soft'],
+            'ytick.color': COLOURS['soft'], 'axes.edgecolor': COLOURS['soft'],
+            'axes.linewidth': 0.7, 'grid.color': COLOURS['grid'], 'grid.linewidth': 0.7,
+            'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'none',
+            'svg.hashsalt': 'imu_allan', 'path.simplify': True})
+        yield
+
+
+def frame(panel: Axes, sensor: str, limits: tuple[float, float], *, of_spectrum: bool = False,
+          left: bool = True, right: bool = True) -> None:
+    """Set scales, limits and labels of a panel of Allan deviation or spectrum; SI is right."""
+    x_title, y_title = ('frequency [Hz]', 'PSD (two-sided)') if of_spectrum else (
+        'averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]}')
+    panel.set_xscale('log')
+    panel.set_yscale('log')
+    panel.set_ylim(*limits)
+    panel.grid(True)
+    unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
+    factor, other = engineering(1.0, unit)
+    factor **= 2 if of_spectrum else 1
+    _mark_powers(panel.xaxis)
+    _mark_powers(panel.yaxis, limits, factor)
+    panel.set_xlabel(x_title)
+    si, shown = (f'({typeset(text)})²/Hz' if of_spectrum else typeset(text)
+                 for text in (unit, other))
+    if left:
+        panel.set_ylabel(f'{y_title} [{shown}]')
+    else:
+        panel.tick_params(labelleft=False)
+    if right:
+        # The data are in SI units; grid and labels on the left use the units of the tables.
+        second = panel.secondary_yaxis('right')
+        second.set_ylabel(f'[{si}]')
+        _mark_powers(second.yaxis, limits)
+
+
+def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
+                 factor: float = 1.0) -> None:
+    """Place ticks at powers of ten of value times `factor`, over short `limits` at 2 and 5 too."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    # A longer range contains two powers of ten wherever it begins.
+    short = limits is not None and limits[1] < limits[0] * 100.0
+    subs = np.array((1.0, 2.0, 5.0) if short else (1.0,)) * 10.0**(-np.log10(factor) % 1)
+    axis.set_major_locator(LogLocator(subs=subs, numticks=9))
+    # Minor ticks and labels set as formulas would take two thirds of the time of a figure.
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
+
+
+def write_in_a_row(panel: Axes, parts: Sequence[tuple[str, str]]) -> None:
+    """Write coloured texts in a row above `panel`."""
+    from matplotlib.artist import Artist
+    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
+
+    areas: list[Artist] = [TextArea(text, textprops={'color': colour, 'fontsize': 8,
+                                                     'parse_math': False})
+                           for text, colour in parts]
+    panel.add_artist(AnchoredOffsetbox(
+        'lower left', child=HPacker(children=areas, pad=0, sep=14), frameon=False, pad=0,
+        borderpad=0.2, bbox_to_anchor=(0, 1), bbox_transform=panel.transAxes))
+
+
+def draw_curve(panel: Axes, axis: AxisResult, colour: str, marker: str = 'o',
                timeline: Timeline | None = None, dashes: Any = '-') -> None:
     """
     Draw the Allan deviation and the fitted model.
@@ -77,7 +184,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                                                  'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
-def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | None = None) -> None:
+def draw_terms(panel: Axes, axis: AxisResult, truth: Mapping[str, float] | None = None) -> None:
     """
     Draw the line of each term, its slope, and a ring where it is read.
 
@@ -109,7 +216,7 @@ def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | Non
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
-        if not len(seen := draw(line, _DASHES[key])):
+        if not len(seen := draw(line, _TERM_DASHES[key])):
             continue
         at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
@@ -126,12 +233,12 @@ def draw_terms(panel: 'Axes', axis: AxisResult, truth: Mapping[str, float] | Non
             slope], taken)
 
 
-def _draw_soft(panel: 'Axes', x: Array, y: Array, dashes: Any) -> None:
+def _draw_soft(panel: Axes, x: Array, y: Array, dashes: Any) -> None:
     """Draw a line that the measured ones are compared with."""
     panel.plot(x, y, color=COLOURS['soft'], linewidth=0.9, linestyle=dashes, zorder=2.5)
 
 
-def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
+def _name(panel: Axes, axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
           taken: list[Box]) -> None:
     """Label a point, with a connecting line, where the text hides least."""
     scale = 72 / panel.figure.dpi
@@ -160,7 +267,7 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
                     'shrinkB': 4, 'relpos': (0 if box[0] > x else 1, 0.5)})
 
 
-def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str) -> None:
+def draw_density(panel: Axes, axis: AxisResult, timeline: Timeline, colour: str) -> None:
     """Draw the two-sided spectrum: measured, if there is one, and modelled, with the tones."""
     rate = curves.rate_of(axis, timeline)
     if rate is None or timeline.duration_s <= 0:
@@ -184,7 +291,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     for key, value in curves.coefficients_of(axis).items():
         own = FittedModel({key: value}).density(frequency, 1 / rate)
         inside = own > model[fitted].min(initial=inf) * 0.3
-        _draw_soft(panel, frequency[inside], own[inside], _DASHES[key])
+        _draw_soft(panel, frequency[inside], own[inside], _TERM_DASHES[key])
     named: list[float] = []
     for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:8]:
         panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)
@@ -197,7 +304,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
                            fontsize=7, color=soft)
 
 
-def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result) -> None:
+def draw_signal(panel: Axes, axes: Mapping[str, AxisResult], result: Result) -> None:
     """Draw the means over time, gaps and excluded motion, and a known temperature."""
     colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)

@@ -1,12 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures of a result, which share heading, table and panels.
+Figures of a result, which share heading and table, and of many units.
 
-Each figure is one sheet, composed of the parts in `imu_allan.writers.panels` and `figure_style`.
+Each figure is one sheet, composed of the parts in `imu_allan.writers.panels`. Of few units all are
+in colour; of many the population is shown, and outliers in colour.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 import io
 from typing import TYPE_CHECKING
@@ -17,12 +18,16 @@ from imu_allan.errors import printable, shorten
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.writers import curves, figure_style as style
-from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
+from imu_allan.wording import counted
+from imu_allan.writers import curves, panels
+import numpy as np
 
 if TYPE_CHECKING:
+    from imu_allan.fleet import Population
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.gridspec import GridSpec
+    from matplotlib.lines import Line2D
 
 FORMATS = ('png', 'svg', 'pdf')
 
@@ -58,23 +63,23 @@ def plot(result: Result | AxisResult) -> 'Figure':
 def _axis_figure(axis: AxisResult) -> 'Figure':
     """Draw the Allan deviation of an axis, its intervals, the fitted model and its terms."""
     sensor = 'gyro' if axis.quantity == AXES['gyro_x'] else 'accel'
-    with style.plot_style():
-        figure = style.empty_figure(7.0, 5.0)
+    with panels.plot_style():
+        figure = panels.empty_figure(7.0, 5.0)
         panel = figure.add_axes((0.13, 0.11, 0.73, 0.85))
-        style.frame(panel, sensor, curves.limits_of([axis], rings=True))
-        draw_curve(panel, axis, style.COLOURS['x'])
-        draw_terms(panel, axis)
+        panels.frame(panel, sensor, curves.limits_of([axis], rings=True))
+        panels.draw_curve(panel, axis, panels.COLOURS['x'])
+        panels.draw_terms(panel, axis)
     return figure
 
 
 def overview_figure(result: Result) -> 'Figure':
     """Draw the Allan deviation of all axes, coefficients above and signal below, on one sheet."""
-    with style.plot_style():
+    with panels.plot_style():
         sensors = curves.sensors_of(result)
         halves = max(1, len(sensors))
         live = [sensor for sensor in sensors
                 if any(any(axis.curve.adev) for axis in curves.axes_of(result, sensor).values())]
-        figure = style.empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
+        figure = panels.empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
         _write_heading(figure, result)
         for column, sensor in enumerate(sensors):
             axes = curves.axes_of(result, sensor)
@@ -85,41 +90,42 @@ def overview_figure(result: Result) -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
-            style.frame(panel, sensor, curves.limits_of(axes.values()))
+            panels.frame(panel, sensor, curves.limits_of(axes.values()))
             # The table above names the axes by their markers.
             for name, axis in axes.items():
                 if any(axis.curve.adev):
-                    draw_curve(panel, axis, style.COLOURS[name[-1]], style.MARKERS[name[-1]],
-                               result.timeline, style.DASHES[name[-1]])
+                    panels.draw_curve(panel, axis, panels.COLOURS[name[-1]],
+                                      panels.MARKERS[name[-1]], result.timeline,
+                                      panels.DASHES[name[-1]])
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
-            draw_signal(strip, axes, result)
+            panels.draw_signal(strip, axes, result)
         return figure
 
 
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
     axes = curves.axes_of(result, sensor)
-    with style.plot_style():
-        figure = style.empty_figure(5.2 * len(axes) + 0.6, 11.2)
+    with panels.plot_style():
+        figure = panels.empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
         _write_heading(figure, result, wording.SENSORS[sensor])
         limits = curves.limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
-            colour, marker = style.COLOURS[name[-1]], style.MARKERS[name[-1]]
+            colour, marker = panels.COLOURS[name[-1]], panels.MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
-            style.frame(allan, sensor, limits, **ends)
-            draw_curve(allan, axis, colour, marker, result.timeline)
-            draw_terms(allan, axis)
+            panels.frame(allan, sensor, limits, **ends)
+            panels.draw_curve(allan, axis, colour, marker, result.timeline)
+            panels.draw_terms(allan, axis)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
-            draw_density(density, axis, result.timeline, colour)
-            style.frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
+            panels.draw_density(density, axis, result.timeline, colour)
+            panels.frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
                         of_spectrum=True, **ends)
             first = [first[0] or allan, first[1] or density]
-        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
+        panels.draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
         return figure
 
 
@@ -128,7 +134,7 @@ def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:  #
     content = io.BytesIO()
     # Make the bytes reproducible: no date, and no random identifiers in SVG.
     metadata = {{'png': 'Software', 'svg': 'Date', 'pdf': 'CreationDate'}[format]: None}
-    with style.plot_style(), warnings.catch_warnings():
+    with panels.plot_style(), warnings.catch_warnings():
         # Characters of a frame_id that the font lacks are drawn as boxes; do not warn about them.
         warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
         figure.savefig(content, format=format, dpi=dpi, metadata=metadata,
@@ -146,7 +152,7 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
                'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
     figure.text(left, 1 - 1.35 / top, '; '.join(
         f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
-        color=style.COLOURS['soft'], va='center')
+        color=panels.COLOURS['soft'], va='center')
 
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
@@ -155,7 +161,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
     write = partial(panel.text, va='center')
-    right_soft = partial(write, ha='right', color=style.COLOURS['soft'])
+    right_soft = partial(write, ha='right', color=panels.COLOURS['soft'])
     write(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold')
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable or curves.power_law_note(axis, key)
@@ -167,12 +173,12 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> N
         unit = typeset(engineering(1.0, term.unit(AXES[next(iter(axes))]))[1])
         right_soft(right, 3.15, f'{term.symbol}  [{unit}]', fontsize=8)
     for row, (name, axis) in enumerate(axes.items()):
-        height, colour = 2.3 - 0.9 * row, style.COLOURS[name[-1]]
-        panel.plot([0.012], [height], style.MARKERS[name[-1]], color=colour, markersize=5)
+        height, colour = 2.3 - 0.9 * row, panels.COLOURS[name[-1]]
+        panel.plot([0.012], [height], panels.MARKERS[name[-1]], color=colour, markersize=5)
         write(0.035, height, name[-1], color=colour, fontsize=9.5, fontweight='bold')
         if axis.constant:
             write(0.08, height, 'constant: every sample is the same', fontsize=7,
-                  color=style.COLOURS['soft'])
+                  color=panels.COLOURS['soft'])
             continue
         for term, right in zip(terms, rights, strict=True):
             said = curves.reported(axis.coefficients[term.key])
@@ -202,5 +208,85 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),
             (key, 0.70, 8.5, 'soft', 'normal')):
         # Names from a recording are plain text: a dollar sign does not start a formula.
-        figure.text(0.02, 1 - below / top, text, fontsize=size, color=style.COLOURS[colour],
+        figure.text(0.02, 1 - below / top, text, fontsize=size, color=panels.COLOURS[colour],
                     fontweight=weight, va='center', parse_math=False)
+
+
+def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str = '') -> 'Figure':
+    """Draw the Allan deviations of a fleet or of results to compare, one panel per axis."""
+    few = len(results) <= len(panels.SERIES)
+    # The band of a population is blue; outliers beyond the others are named only in the table.
+    colours = dict(zip(results if few else fleet.outlier_units,
+                       panels.SERIES if few else panels.SERIES[1:], strict=False))
+    drawn = {name: axes for name in AXES if (axes := {
+        unit: results[unit].axes[name] for unit in fleet.units if name in results[unit].axes})}
+    rows = max(1, len({name.partition('_')[0] for name in drawn}))
+    height = 0.9 + 3.7 * rows
+    with panels.plot_style():
+        # In this width, text of 8 points is 11 pixels high on the page.
+        figure = panels.empty_figure(11.0, height)
+        grid = figure.add_gridspec(rows, 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
+                                   bottom=0.55 / height, top=1 - 1.15 / height)
+        figure.text(0.02, 1 - 0.25 / height,
+                    title or f'Allan deviation of {counted(len(results), "unit")}',
+                    fontsize=13, fontweight='bold', va='center')
+        figure.text(0.02, 1 - 0.5 / height,
+                    'points: measured · line: fitted · band: 95 % interval' if few else
+                    'line: median · band: nine in ten units · in colour: outliers', fontsize=8.5,
+                    va='center', color=panels.COLOURS['soft'])
+        named: dict[str, Line2D] = {}
+        for name, panel in _panels_of(figure, grid, drawn):
+            axes = drawn[name]
+            if not few:
+                _draw_population(panel, [axis for unit, axis in axes.items()
+                                         if unit not in fleet.outlier_units])
+            for place, (unit, colour) in enumerate(colours.items()):
+                marker, dashes = 'os^Dv*P'[place], [*panels.DASHES.values()][place % 3]
+                if unit in axes:
+                    panels.draw_curve(panel, axes[unit], colour, marker, dashes=dashes)
+                    [named[unit]] = panel.plot([], [], color=colour, marker=marker,
+                                               linestyle=dashes, markersize=4.4)
+        # A legend, as names beside the curves would overlap; the places tell names apart that were
+        # shortened to the same.
+        names = [shorten(printable(name), 18) for name in named]
+        if len({*names}) < len(names):
+            names = [f'{place} {shorten(name, 15)}' for place, name in enumerate(names, 1)]
+        figure.legend([*named.values()], names, loc='upper left',
+                      bbox_to_anchor=(0.013, 1 - 0.58 / height), ncol=len(panels.SERIES),
+                      frameon=False, fontsize=8, borderpad=0, handlelength=1.8, handletextpad=0.5,
+                      columnspacing=1.4)
+        return figure
+
+
+def _panels_of(figure: 'Figure', grid: 'GridSpec', drawn: Mapping[str, Mapping[str, AxisResult]]
+               ) -> 'Iterator[tuple[str, Axes]]':
+    """Yield every axis with its panel: one row per sensor, with a common scale."""
+    for row, sensor in enumerate(dict.fromkeys(name.partition('_')[0] for name in drawn)):
+        names = [name for name in drawn if name.startswith(sensor)]
+        limits = curves.limits_of([axis for name in names for axis in drawn[name].values()])
+        for column, name in enumerate(names):
+            panel = figure.add_subplot(grid[row, column])
+            panels.frame(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)
+            panel.set_title(name.replace('_', ' '), loc='left')
+            yield name, panel
+
+
+def _draw_population(panel: 'Axes', axes: Sequence[AxisResult]) -> None:
+    """Draw the curves of an axis in grey, their median, and the band of nine in ten."""
+    usual = [axis.curve for axis in axes if any(axis.curve.adev)]
+    # More than some 200 grey curves are indistinguishable and enlarge a vector file.
+    step = max(1, len(usual) // 200)
+    for curve in usual[::step]:
+        panel.plot(curve.tau_s, curve.adev, color=panels.COLOURS['gap'], linewidth=0.6, alpha=0.45,
+                   zorder=2)
+    if usual:
+        tau = np.array(max((curve.tau_s for curve in usual), key=len))
+        rows = []
+        for curve in usual:
+            adev = np.array(curve.adev)
+            rows.append(np.interp(np.log(tau), np.log(curve.tau_s)[adev > 0],
+                                  np.log(adev[adev > 0]), left=np.nan, right=np.nan))
+        low, middle, high = np.exp(np.nanpercentile(rows, (5, 50, 95), axis=0))
+        panel.fill_between(tau, low, high, color=panels.COLOURS['z'], alpha=0.18, linewidth=0,
+                           zorder=3)
+        panel.plot(tau, middle, color=panels.COLOURS['ink'], linewidth=1.4, zorder=4)

@@ -27,8 +27,8 @@ from imu_allan.writers import charts, key_figures
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.key_figures import findings_line, verdict_lines, VERDICT_TEXT
 from imu_allan.writers.pages import rendered, text_of
-from imu_allan.writers.verdict_lines import findings_line, verdict_lines, VERDICT_TEXT
 
 
 def report_html(result: Result) -> str:

@@ -20,8 +20,8 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.writers import key_figures
 from imu_allan.writers.curves import axes_of, reported
+from imu_allan.writers.key_figures import COLUMNS, good_to_know, Units, verdict_lines
 from imu_allan.writers.terminal import wrapped
-from imu_allan.writers.verdict_lines import COLUMNS, good_to_know, Units, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

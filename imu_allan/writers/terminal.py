@@ -1,17 +1,23 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Width of printed output: that of the terminal; output to a pipe is not wrapped or cut.
+Printed output: its width and tables, and the progress bar of long work.
 
-The variable COLUMNS overrides both, as it does for ``ls`` and ``ps``.
+The width is that of the terminal; output to a pipe is not wrapped or cut. The variable COLUMNS
+overrides both, as it does for ``ls`` and ``ps``. The bar is on stderr, and removed at the end.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 import os
+import sys
 from typing import TextIO, TYPE_CHECKING
+
+from imu_allan.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
     from rich.table import Table
     from rich.text import Text
 
@@ -64,3 +70,46 @@ def print_wrapped(text: str) -> None:
     """Print a text on standard output, wrapped to the terminal."""
     console = console_of()
     console.print(*wrapped([text], console.width), sep='\n')
+
+
+class ProgressBar:
+    """A progress bar or none, called with the amount done so far."""
+
+    def __init__(self, bar: 'Progress | None' = None) -> None:
+        self._bar = bar
+
+    def __call__(self, done: int) -> None:
+        """Show how much is done."""
+        if self._bar is not None:
+            [task] = self._bar.tasks
+            # Topics that are read side by side count apart.
+            self._bar.update(task.id, completed=max(done, task.completed))
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Remove the bar from the terminal while something else is written there."""
+        if self._bar is not None:
+            self._bar.stop()
+        try:
+            yield
+        finally:
+            if self._bar is not None:
+                self._bar.start()
+
+
+@contextmanager
+def progress_bar(label: object, total: int, *, wanted: bool = True,
+                 in_bytes: bool = True) -> Iterator[ProgressBar]:
+    """Show progress and remaining time, only if `wanted` and on a terminal."""
+    if not wanted or not sys.stderr.isatty():
+        yield ProgressBar()
+        return
+    from rich import progress as rich
+    from rich.console import Console
+
+    columns = [rich.TextColumn('{task.description}', markup=False), rich.BarColumn(),
+               rich.TaskProgressColumn(), *([rich.DownloadColumn()] if in_bytes else []),
+               rich.TimeRemainingColumn()]
+    with rich.Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        progress.add_task(printable(label), total=total)
+        yield ProgressBar(progress)

@@ -17,14 +17,18 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.sensor_verdicts import sensor_verdicts
-from imu_allan.tuning.field_test import FieldTest
-from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
+from imu_allan.tuning.backtest import FieldTest
+from imu_allan.tuning.forecast import (
+    FORECAST_S,
+    known_less_than,
+    predicted_drift,
+    spread_of_forecast,
+    upper_bound,
+)
 from imu_allan.tuning.tune import assess, Bias, tune
-from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
-from imu_allan.writers.key_figures import CALIBRATION_S
+from imu_allan.writers.key_figures import CALIBRATION_S, verdict_lines
 from imu_allan.writers.terminal import bare_table
-from imu_allan.writers.verdict_lines import verdict_lines
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text

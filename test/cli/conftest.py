@@ -8,7 +8,7 @@ import imu_allan
 from imu_allan.cli.main import main
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.result_file import save_result
+from imu_allan.writers.result_files import save_result
 import pytest
 
 GYRO = 'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 20 deg/h}\n'

@@ -9,8 +9,8 @@ import statistics
 import subprocess
 import sys
 
+from imu_allan.cli.arguments import recording_options
 from imu_allan.cli.main import command_parser
-from imu_allan.cli.recording_options import recording_options
 from imu_allan.finding_texts import WORDS
 from imu_allan.recordings import RecordingOptions
 from processes import interrupted, python, wait_until
@@ -190,15 +190,15 @@ def test_a_signal_ends_the_command_without_a_word_and_leaves_nothing_behind(tmp_
 def test_a_signal_during_a_callback_which_python_ignores_comes_again(number, slow_s):
     done = python('-c', """
 import os, sys, time
-from imu_allan import interruption
-from imu_allan.interruption import exit_status, interruptible
-class Timer(interruption.Timer):
+from imu_allan import process
+from imu_allan.process import exit_status, interruptible
+class Timer(process.Timer):
     slow_s = [float(sys.argv[2])]
     def start(self):
         super().start()
         if self.slow_s:
             time.sleep(self.slow_s.pop())
-interruption.Timer = Timer
+process.Timer = Timer
 class Callback:
     def __del__(self):
         os.kill(os.getpid(), int(sys.argv[1]))

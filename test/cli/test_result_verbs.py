@@ -11,12 +11,12 @@ import xml.etree.ElementTree as ElementTree
 
 from exact_results import with_axes
 import imu_allan
-from imu_allan.cli.progress import ProgressBar
-from imu_allan.datasheet import live
+from imu_allan import datasheet
 from imu_allan.finding import finding
 from imu_allan.result import Inspection
 from imu_allan.writers.filters import CONSUMERS
-from imu_allan.writers.result_file import load_result, save_result
+from imu_allan.writers.result_files import load_result, save_result
+from imu_allan.writers.terminal import ProgressBar
 from on_terminal import assert_as_before
 import pytest
 from whole_lines import Varying
@@ -172,7 +172,7 @@ def test_unit_operator_and_station_go_into_the_papers(result_file, tmp_path, ran
 def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
         recording, tmp_path, against, monkeypatch, limit, status, word, last):
     # Fewer looks.
-    monkeypatch.setattr(live, 'GROWTH', 1.5)
+    monkeypatch.setattr(datasheet, 'GROWTH', 1.5)
     bytes_read = []
     monkeypatch.setattr(ProgressBar, '__call__', lambda _, done: bytes_read.append(done))
     found, said, _ = against(recording, f'gyro: {{noise_density: {limit}}}', '--live',

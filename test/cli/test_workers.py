@@ -16,7 +16,7 @@ from imu_allan.recordings.write import write_recording
 from imu_allan.result import Inspection
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_files import load_result
 import numpy as np
 from processes import living, marked, python, wait_until
 import pytest

@@ -17,7 +17,7 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.report import report_html
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_files import load_result
 from imu_allan.writers.table import result_table
 import mutations
 from mutations import run_command

@@ -20,9 +20,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.characterization import Characterization
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
-from imu_allan.node.facts import Facts
-from imu_allan.node.state_file import decode_state
+from imu_allan.node.storage import decode_state
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Timeline
 from imu_allan.state import part_of

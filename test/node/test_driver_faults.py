@@ -9,7 +9,7 @@ import subprocess
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.imu_type import message_class
+from imu_allan.node.reception import message_class
 from imu_allan.noise.terms import AXES
 from imu_messages import encode_imu
 import numpy as np
@@ -36,7 +36,7 @@ def meanwhile(driver, condition):
 def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_run(ros, health):
     topic = ros.name('imu/temperature')
     node = ros.start('imu_allan_node', {'publish_period': 1.0, 'temperature_topic': topic},
-                     constants={'facts.RECENT_S': 5.0})
+                     constants={'diagnostics.RECENT_S': 5.0})
     driver = Driver(ros).wait_for_node()
     driver.publish(200)
     publisher = ros.node.create_publisher(Temperature, topic, QoSProfile(depth=10))
@@ -73,7 +73,8 @@ def test_one_bad_moment_is_reported_once_and_is_no_warning_for_the_rest_of_the_r
 
 
 def test_what_few_messages_show_is_taken_back_when_more_do_not_and_outliers_are_no_nan(ros):
-    node = ros.start('imu_allan_node', {'publish_period': 1.0}, constants={'reports.LOOK_S': 0.2})
+    node = ros.start('imu_allan_node', {'publish_period': 1.0},
+                     constants={'characterization_node.UNWATCHED_S': 0.2})
     driver = Driver(ros).wait_for_node()
     for count in np.random.default_rng(1).integers(3, 14, 40):
         driver.publish(int(count))
@@ -149,7 +150,7 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(ros, health
     node = ros.start('imu_allan_node', {
         'publish_period': 1.0, 'checkpoint_period': 1.0,
         'state_file': str(ros.folder / 'state')}, constants={
-            'reports.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
+            'characterization_node.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
     driver = Driver(ros).wait_for_node()
 
     def topics():

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.result_messages import result_messages
+from imu_allan.node.output_topics import result_messages
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.tuning.tune import tune
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_files import load_result
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters

@@ -10,9 +10,9 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.state_file import StateFile
-from imu_allan.writers.result_file import load_result
-from imu_allan.writers.verdict_lines import closing_lines
+from imu_allan.node.storage import StateFile
+from imu_allan.writers.key_figures import closing_lines
+from imu_allan.writers.result_files import load_result
 from processes import interrupted, python
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy

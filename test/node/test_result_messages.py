@@ -13,13 +13,12 @@ from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.finding import finding
 from imu_allan.finding_messages import message_of, with_words
 from imu_allan.node import diagnostics
-from imu_allan.node.log import Log
-from imu_allan.node.log_of_changes import LogOfChanges, progress_line
-from imu_allan.node.result_messages import result_messages
+from imu_allan.node.log import Log, LogOfChanges, progress_line
+from imu_allan.node.output_topics import result_messages
 from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.node.shown_terms import ShownTerms
 from imu_allan.node.standards import Comparison, DatasheetLooks, Standards
-from imu_allan.node.state_file import decode_state, encode_state
+from imu_allan.node.storage import decode_state, encode_state
 from imu_allan.result import (
     Coefficient,
     GoodnessOfFit,
@@ -35,7 +34,7 @@ from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 from imu_allan.timeline.memory import Counts
 from imu_allan.timeline.motion import MotionSummary
-from imu_allan.writers.result_file import save_result
+from imu_allan.writers.result_files import save_result
 import numpy as np
 import pytest
 from ros_harness import at_rest, entries, facts, summary

@@ -15,12 +15,10 @@ import weakref
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given, settings, strategies
 from imu_allan.errors import ImuAllanError
-from imu_allan.node import state_file as state_module
-from imu_allan.node.facts import Facts
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.run import new_run, pack, Setup, unpack
-from imu_allan.node.state_file import decode_state, encode_state, StateFile, UnusableState, VERSION
-from imu_allan.node.storage import Storage
+from imu_allan.node.run import new_run, pack, Setup, unpack, UnusableState
+from imu_allan.node.storage import decode_state, encode_state, StateFile, Storage, VERSION
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 import numpy as np
@@ -229,7 +227,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
         raise ImuAllanError('No space left on device')
 
     with monkeypatch.context() as patched:
-        patched.setattr(state_module, 'write_atomically', full)
+        patched.setattr(storage, 'write_atomically', full)
         storage.keep_aside(runs[0], UnusableState('rate', 'it is of 100 Hz'))
         # One after the other.
         worker.start('checkpoint', lambda: None, lambda _: None).result()

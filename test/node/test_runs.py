@@ -12,12 +12,12 @@ from unittest.mock import Mock
 from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.node import run as run_module
 from imu_allan.node.change_of_run import Runs
-from imu_allan.node.facts import Facts
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
+from imu_allan.node.reception import MIXED, Publishers
 from imu_allan.node.run import new_run, pack, Setup, unpack
-from imu_allan.node.sequence_numbers import MIXED, Publishers
-from imu_allan.node.state_file import decode_state, encode_state
+from imu_allan.node.storage import decode_state, encode_state
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.timeline import TimelineOptions
 import numpy as np

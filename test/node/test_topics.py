@@ -9,7 +9,7 @@ from bags import mcap_written, serialized
 from characterized import celsius_at
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
-from imu_allan.node.imu_type import decoder, message_class, types_of
+from imu_allan.node.reception import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
 import numpy as np

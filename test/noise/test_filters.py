@@ -19,8 +19,7 @@ from characterized import (
 from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
-from imu_allan.datasheet import check
-from imu_allan.datasheet.live import check_state
+from imu_allan.datasheet import check, check_state
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import SLOW_TERMS

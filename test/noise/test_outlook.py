@@ -4,7 +4,7 @@
 
 from characterized import B, K, messages, N, simulated
 from imu_allan.characterization import Characterization
-from imu_allan.datasheet.live import check_state, next_look
+from imu_allan.datasheet import check_state, next_look
 from imu_allan.noise import spectrum
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.sequential import SMALLEST_RECORD

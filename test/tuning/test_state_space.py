@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from exact_results import axis_of
 from imu_allan.noise.simulate import simulate
+from imu_allan.tuning.backtest import run_filters
 from imu_allan.tuning.forecast import predicted_drift
-from imu_allan.tuning.kalman import run_filters
 from imu_allan.tuning.state_space import state_space
 import numpy as np
 import pytest

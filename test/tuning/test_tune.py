@@ -10,7 +10,7 @@ from imu_allan.argument_checks import LONGEST_S, SHORTEST_S
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Tone
-from imu_allan.tuning.kalman import run_filters
+from imu_allan.tuning.backtest import run_filters
 from imu_allan.tuning.state_space import state_space
 from imu_allan.tuning.tune import assess, Filters, Truth, tune
 import numpy as np

@@ -8,7 +8,7 @@ import re
 
 from browser import faults_of, needs_browser, pages_in_print
 from exact_results import axis_result, build_result, only, UNSEEN, with_coefficient
-from imu_allan.fleet.population import Outlier
+from imu_allan.fleet import Outlier
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, verdicts

@@ -24,7 +24,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.atomic import CONFIGURATION, kind_of
 from imu_allan.writers.filters import export as export_as_wished, ExportOptions
-from imu_allan.writers.filters.from_datasheet import result_of_datasheet
+from imu_allan.writers.filters.chosen_numbers import result_of_datasheet
 from imu_allan.writers.supported_filters import consumer_called, CONSUMERS, FAMILIES
 import numpy as np
 from on_terminal import assert_as_before, FLAT

@@ -112,8 +112,8 @@ def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, re
 
 
 def test_drawing_needs_no_display_and_no_pyplot():
-    script = ('import sys; from imu_allan.writers import figure_style, plot; '
-              'assert "matplotlib" not in sys.modules; figure_style.empty_figure(1, 1); '
+    script = ('import sys; from imu_allan.writers import panels, plot; '
+              'assert "matplotlib" not in sys.modules; panels.empty_figure(1, 1); '
               'assert "matplotlib.pyplot" not in sys.modules')
     python('-c', script, check=True)
 

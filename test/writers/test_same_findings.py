@@ -9,13 +9,13 @@ import re
 from characterized import streamed
 from imu_allan.datasheet import check
 from imu_allan.finding_messages import advice, sentence_of, title_of, with_words
-from imu_allan.node.result_messages import remark_values
+from imu_allan.node.output_topics import remark_values
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import certificate_html
 from imu_allan.writers.fleet import Fleet, fleet_html, fleet_json
+from imu_allan.writers.key_figures import findings_line
 from imu_allan.writers.report import report_html
-from imu_allan.writers.verdict_lines import findings_line
 import numpy as np
 from on_terminal import printed
 import pytest

@@ -8,7 +8,7 @@ from exact_results import with_coefficient
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import advice, sentence_of, with_words
 from imu_allan.result import Saturation, Source, Span
-from imu_allan.writers.result_file import load_result
+from imu_allan.writers.result_files import load_result
 from on_terminal import assert_as_before, FLAT, printed
 import pytest
 

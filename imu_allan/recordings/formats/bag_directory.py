@@ -15,10 +15,10 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import brief, ImuAllanError, printable
-from imu_allan.fleet.names import natural
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
+from imu_allan.wording import natural
 import yaml
 
 # It loads only texts, lists and mappings: other features let a few lines expand to gigabytes. The

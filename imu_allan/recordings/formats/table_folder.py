@@ -10,12 +10,11 @@ import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.csv_file import CsvRecording
 from imu_allan.recordings.formats.csv_header import NamesNoAxis
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import ImuTopic, Recording
-from imu_allan.wording import NO_TOPIC, SENSORS
+from imu_allan.wording import natural, NO_TOPIC, SENSORS
 
 
 def tables_in(folder: Path) -> list[Path]:

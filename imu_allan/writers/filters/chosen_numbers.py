@@ -6,7 +6,7 @@ Choice of the numbers for a configuration.
 They are tuned from the drift model for the measurements that correct the consumer, unless the
 measured coefficients are requested. If a coefficient is not observable, its 95 % upper bound is
 used and a comment says so: a filter needs a number, and this one is not too small. Dead axes are
-named.
+named. The numbers of a datasheet replace a result where there are no measurements.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,11 +15,14 @@ from math import sqrt
 from statistics import median_high
 from typing import get_args, Literal
 
-from imu_allan.errors import ImuAllanError
-from imu_allan.noise.terms import FLICKER_FLOOR
+from imu_allan import result as schema
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Interval, Result
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.tuning.forecast import upper_bound
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
-from imu_allan.tuning.uncertainty import upper_bound
+from imu_allan.version import __version__
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.supported_filters import CONSUMERS
 
@@ -286,3 +289,29 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
     ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])
     return (Number(1.08 * level, not flat.observable, ends, of_flicker=True),
             Number(peak / 1.89, of_flicker=True))
+
+
+def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None
+                        ) -> Result:
+    """Return the coefficients of a datasheet as a result without curves or intervals."""
+    axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
+            if 'noise_density' in datasheet.axes.get(name, {})}
+    if not axes:
+        raise ImuAllanError(f'{printable(path)}: a datasheet without noise_density; a filter '
+                            'needs one, such as gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
+    return Result(
+        imu_allan_version=__version__,
+        source=schema.Source('datasheet', path, None, None, None, None),
+        timeline=schema.Timeline(rate_hz, 0, 0.0), axes=axes)
+
+
+def _axis(name: str, values: Mapping[str, float]) -> AxisResult:
+    quantity = AXES[name]
+    return AxisResult(
+        quantity=quantity.value, unit=quantity.unit, mean=None, band_limit_s=None, tones=(),
+        coefficients={key: schema.Coefficient(
+            term.symbol, term.unit(quantity), key in values,
+            None if key not in values else abs(values[key]), None, None)
+            for key, term in TERMS.items()},
+        goodness_of_fit=schema.GoodnessOfFit(None, None, True),
+        curve=schema.Curve((), (), (), (), (), ()))

@@ -14,8 +14,17 @@ from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, times
-from imu_allan.writers.filters.provenance import provenance, quoted_in_xml
-from imu_allan.writers.filters.template import each, expanded, heading, joined, real, UNITS, worst
+from imu_allan.writers.filters.template import (
+    each,
+    expanded,
+    heading,
+    joined,
+    provenance,
+    quoted_in_xml,
+    real,
+    UNITS,
+    worst,
+)
 
 _PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
 """Parts of a state space, as the files name them."""

@@ -5,9 +5,9 @@
 from dataclasses import replace
 
 from exact_results import axis_result, build_result, UNSEEN, with_axes, with_coefficient
-from imu_allan.fleet.names import distinct_names, natural, unit_names
-from imu_allan.fleet.population import population
+from imu_allan.fleet import population
 from imu_allan.noise.terms import AXES
+from imu_allan.wording import distinct_names, natural, unit_names
 import numpy as np
 import pytest
 

@@ -1,9 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Handling of Ctrl-C and SIGTERM at any time, and of a closed standard output."""
+"""
+The process of the command: a fast start, one thread, Ctrl-C and SIGTERM at any time.
 
+Nodes start in the same way, and handle signals in `imu_allan.node.program`.
+"""
+
+import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
+import gc
 import os
 import signal
 import sys
@@ -17,6 +23,28 @@ EXIT_INTERRUPTED = 130
 """128 + SIGINT, as shells report the signal."""
 EXIT_BROKEN_PIPE = 141
 """128 + SIGPIPE, the status with which `... | head` ends other programs."""
+
+
+def start_quickly() -> None:
+    """
+    Search less for garbage; call it before importing numpy.
+
+    Imports make a hundred thousand objects, none of which is garbage. Python would look through
+    all of them twice while they are made, and twice more before it ends.
+    """
+    gc.set_threshold(5_000, 10, 10)
+    atexit.register(gc.freeze)
+
+
+def use_one_thread() -> None:
+    """
+    Limit OpenBLAS to one thread unless the user sets a number; call it before importing numpy.
+
+    The matrices of a fit have some thousand rows. Threads for them mostly wait for one another,
+    and OpenBLAS waits by spinning, on cores that a robot needs for other work.
+    """
+    if 'OMP_NUM_THREADS' not in os.environ:
+        os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 
 @contextmanager

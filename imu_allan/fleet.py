@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Units of one model as a population: the spread of every coefficient, and outliers."""
+"""Fleets: units of one model as a population, the spread of every coefficient, and outliers."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -10,11 +10,11 @@ from statistics import median, median_high
 
 from imu_allan.arrays import Array
 from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
-from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
+from imu_allan.wording import natural
 import numpy as np
 
 TOLERANCE_SHARE = 0.95         # of the units ...

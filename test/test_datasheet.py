@@ -6,8 +6,7 @@ from dataclasses import replace
 from characterized import messages, streamed
 from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
-from imu_allan.datasheet import check, overall
-from imu_allan.datasheet.live import check_state
+from imu_allan.datasheet import check, check_state, overall
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model

@@ -7,9 +7,8 @@ from exact_results import axis_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Backtest, Coast
-from imu_allan.tuning.backtest import backtest, bands_of
-from imu_allan.tuning.field_test import field_test
-from imu_allan.tuning.uncertainty import spread_of_forecast
+from imu_allan.tuning.backtest import backtest, bands_of, field_test
+from imu_allan.tuning.forecast import spread_of_forecast
 import numpy as np
 import pytest
 

@@ -1,0 +1,413 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether a sensor keeps the limits of its datasheet: measured values, and verdicts on them.
+
+A specification gives an upper limit for a quantity. The measured 95 % interval decides, not the
+value. If the interval, or the upper bound of an unobservable term, is below the limit, the
+quantity passes. If the interval is above the limit, it fails; otherwise this recording cannot
+tell. An axis that measures nothing fails all its limits. A check of a unit on
+the test bench ends as soon as the verdict is certain (`check_state`).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+from typing import Literal
+
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.finding_messages import sentence_of
+from imu_allan.noise.axis_fit import AxisFit
+from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
+from imu_allan.result import AxisResult, Interval, Result
+from imu_allan.sensor.noise_model import LIMITS, NoiseModel
+from imu_allan.wording import duration
+
+DEAD = 1e-3
+"""Share of the noise density limit below which an axis is dead. No sensor is a thousand times
+better than its datasheet, while rounding in a driver makes a stuck value vary by that little."""
+GROWTH = 1.15
+"""Growth of the record between looks; on average half of it is recorded in vain."""
+MARGIN = 0.1
+"""A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
+_FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
+
+Outcome = Literal['pass', 'fail', 'cannot tell']
+
+
+@dataclass(frozen=True)
+class Measured:
+    """
+    The measured value of one quantity.
+
+    Attributes
+    ----------
+    value : float or None
+        Magnitude in the SI unit of the limit.
+    ci95 : (float, float) or None
+        95 % interval of the magnitude.
+    upper95 : float or None
+        95 % upper bound if there is no value.
+    undecided : str or None
+        Why value and bound are unreliable, or why there is none.
+
+    """
+
+    value: float | None = None
+    ci95: Interval | None = None
+    upper95: float | None = None
+    undecided: str | None = None
+
+
+def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
+    """Return a sentence on why an axis does not measure properly, or None."""
+    if axis is None:
+        return 'the axis is missing: the result does not hold it'
+    if axis.constant:
+        return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
+    if (span := axis.stood_still) is not None:
+        return (f'the axis is dead for {duration(span.duration_s)} from '
+                f'{duration(span.start_s)} on: it gives one value all that time')
+    if axis.saturated is not None:
+        return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
+                f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
+    if axis.deadband is not None:
+        return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
+                'exactly 0, noise is higher than it seems')
+    # Fewer than 1 in 200 samples then differs, so a thousand in a row may be equal.
+    if (ratio := _steps_of_noise(axis)) > 15.0:
+        return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
+                f'{axis.unit}, {ratio:.0f} times the noise of one sample')
+    density = axis.coefficients['noise_density']
+    highest = density.ci95[1] if density.ci95 is not None else density.upper95
+    if density_limit and highest is not None and highest < DEAD * density_limit:
+        return (f'the axis is dead: its noise density is {highest:.2g} {density.unit} at most, '
+                'less than a thousandth of the limit')
+    return None
+
+
+def stopped(result: Result) -> str | None:
+    """Return a sentence if the whole sensor gave no new samples for a part of the recording."""
+    return next((f'the sensor was dead for a part of the recording: {sentence_of(remark)}'
+                 for remark in result.warnings if remark.code == 'frozen'), None)
+
+
+def coefficient(axis: AxisResult, key: str) -> Measured:
+    """Return a coefficient, for a ramp its magnitude."""
+    found, fit = axis.coefficients[key], axis.goodness_of_fit
+    undecided = (
+        _FILTERED if axis.high_passed_hz is not None else
+        'the noise model does not fit this axis'
+        if not fit.acceptable and fit.p_value is not None else
+        'not observable in this recording; record for longer'
+        if not found.observable and found.upper95 is None else None)
+    value = None if found.value is None else abs(found.value)
+    interval = None if not found.observable or found.ci95 is None else _magnitude(found.ci95)
+    return Measured(value, interval, found.upper95, undecided)
+
+
+def zero_bias(result: Result, name: str, expected: float) -> Measured:
+    """Return the distance of the mean from `expected`, the largest of several recordings."""
+    axis = result.axes[name]
+    if axis.mean is None:
+        return Measured(undecided='there is no mean')
+    if (undecided := _undecided_mean(axis)) is not None:
+        return Measured(undecided=undecided)
+    starts = [(part.means[name], error_of_mean(axis, part.duration_s))
+              for part in result.recordings if name in part.means]
+    if not starts:
+        # The result of a node may be of several starts: the error includes how they differ.
+        spread = result.turn_on_bias.get(name)
+        starts = [(axis.mean, hypot(error_of_mean(axis, result.timeline.rest_s),
+                                    0.0 if spread is None else spread.sigma))]
+    distance, error = max(((mean - expected, error) for mean, error in starts),
+                          key=lambda start: abs(start[0]))
+    half = NORMAL95 * error
+    return Measured(abs(distance), _magnitude((distance - half, distance + half)))
+
+
+def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
+    """Return the measured value of one limited quantity."""
+    found = result.axes[axis]
+    if key in TERMS:
+        hidden = hidden_by_steps(found, key, abs(specification.axes[axis][key]))
+        return coefficient(found, key) if hidden is None else Measured(undecided=hidden)
+    if key == 'zero_bias':
+        return zero_bias(result, axis, specification.mean.get(axis, 0.0))
+    if found.high_passed_hz is not None:
+        return Measured(undecided=_FILTERED)
+    if key == 'turn_on_bias':
+        # Spread of the mean from one power-on to the next.
+        spread = result.turn_on_bias.get(axis)
+        if spread is not None:
+            return Measured(spread.sigma, spread.ci95)
+        return Measured(undecided='one power-on does not show it; analyze several recordings '
+                                  'with --together')
+    if found.trend is not None and (trend := found.trend.temperature) is not None:
+        return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
+    return Measured(undecided='the result knows no dependence on temperature; record the '
+                              'temperature while it changes')
+
+
+def _undecided_mean(axis: AxisResult) -> str | None:
+    if mean_is_known(axis):
+        return None
+    if axis.high_passed_hz is not None:
+        return _FILTERED
+    if axis.saturated is not None:
+        return 'the axis is saturated, and its mean with it; choose a larger range'
+    if axis.deadband is not None:
+        return 'the axis has a deadband, and its mean is not known; switch the deadband off'
+    return ('the noise density does not show, and with it what the mean is worth; record for '
+            'longer')
+
+
+def _magnitude(interval: Interval) -> Interval:
+    low, high = sorted(map(abs, interval))
+    return 0.0 if interval[0] < 0 < interval[1] else low, high
+
+
+# If the noise is at least half a step q, rounding adds white noise of q / sqrt(12). The total is
+# then little more than the true noise. Smaller noise stays within a step or jumps between two,
+# whatever its size. Truncation towards zero, as by a cast to an integer, gives a cell of two steps
+# around zero, which hides twice as much.
+
+
+def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
+    """Return why the steps of the output are too coarse to test a limit (SI), or None."""
+    ratio = _steps_of_noise(axis)
+    # Within two steps of zero, the mean of a truncated axis is inside the cell of double width.
+    near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)
+    # Up to two steps per noise of a sample, rounding attenuates a slow trend by at most 6 %.
+    if key not in TERMS or not ratio or (ratio <= 2.0 and not near_zero):
+        return None
+    step = axis.coarse_step or 0.0
+    if key == 'noise_density':
+        a_step = step * sqrt(axis.curve.tau_s[0])
+        interval = axis.coefficients[key].ci95
+        # Truncated noise above sqrt(2) steps still scatters by more than a step. A mean midway
+        # between two steps turns even tiny noise into half a step.
+        if limit >= sqrt(2.0) * a_step or (
+                interval is not None and interval[0]**2 - (0.5 * a_step)**2 > limit**2):
+            return None
+    return (f'the output steps by {step:.3g} {axis.unit}, {ratio:.1f} times the noise of one '
+            'sample, and hides what is limited; record with a finer resolution')
+
+
+def _steps_of_noise(axis: AxisResult) -> float:
+    """Return the output step divided by the noise of a sample; 0 if the step is not coarse."""
+    noise = axis.curve.adev[0] if axis.curve.adev else 0.0
+    return axis.coarse_step / noise if axis.coarse_step is not None and noise > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    One quantity of one axis compared with its limit.
+
+    Attributes
+    ----------
+    axis, key, symbol, unit : str
+        The quantity, and the SI unit of `limit`, `value`, `ci95` and `upper95`.
+    limit : float
+        The largest value that the specification allows.
+    specified : str
+        The limit as written in the file.
+    value, ci95, upper95 : optional
+        Measured magnitudes; None as in the result.
+    ratio : float or None
+        `value` divided by `limit`.
+    verdict : 'pass', 'fail' or 'cannot tell'
+    reason : str
+        Reason in one sentence.
+
+    """
+
+    axis: str
+    key: str
+    symbol: str
+    unit: str
+    limit: float
+    specified: str
+    value: float | None
+    ci95: tuple[float, float] | None
+    upper95: float | None
+    ratio: float | None
+    verdict: Outcome
+    reason: str
+
+    def judged(self, verdict: Outcome, why: str) -> 'Verdict':
+        """Return the comparison with another outcome, and why it has that."""
+        return replace(self, verdict=verdict, reason=f'{self.axis} {self.symbol}: {why}')
+
+
+def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0) -> list[Verdict]:
+    """Compare a result with a specification; nothing passes that is shorter than `shortest_s`."""
+    verdicts = [_verdict(result, specification, axis, key, limit)
+                for axis, key, limit in _limits(specification)]
+    if not verdicts:
+        raise ImuAllanError('the specification limits no coefficient; write for instance '
+                            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
+    recorded = result.timeline.rest_s
+    if recorded < shortest_s:
+        short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
+        verdicts = [one.judged('cannot tell', short) if one.verdict == 'pass' else one
+                    for one in verdicts]
+    return verdicts
+
+
+def overall(verdicts: Sequence[Verdict]) -> Outcome:
+    """Return 'fail' if any quantity fails, else 'cannot tell' if any is undecided, else 'pass'."""
+    outcomes = {verdict.verdict for verdict in verdicts}
+    return 'fail' if 'fail' in outcomes else 'cannot tell' if 'cannot tell' in outcomes else 'pass'
+
+
+def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
+    """Yield axis, key and limit, in order."""
+    for axis in AXES:
+        terms, others = specification.axes.get(axis, {}), specification.limits.get(axis, {})
+        yield from ((axis, key, abs(terms[key])) for key in TERMS if key in terms)
+        yield from ((axis, key, others[key]) for key in LIMITS if key in others)
+
+
+def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, limit: float
+             ) -> Verdict:
+    quantity = AXES[axis]
+    symbol = TERMS[key].symbol if key in TERMS else key.replace('_', ' ').replace(
+        'turn on', 'turn-on')
+    unit = TERMS[key].unit(quantity) if key in TERMS else quantity.unit + LIMITS[key]
+    written = specification.as_written.get(axis, {}).get(key) or f'{limit!r} {unit}'
+    fault = stopped(result) or fault_of(
+        result.axes.get(axis), specification.axes.get(axis, {}).get('noise_density'))
+    measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
+    outcome, reason = _decide(measured, limit, printable(written), fault)
+    value = measured.value
+    # With a limit close to zero, the ratio would overflow.
+    ratio = None if value is None or limit <= 0 or value > limit * 1e300 else value / limit
+    return Verdict(axis, key, symbol, unit, limit, written, value, measured.ci95, measured.upper95,
+                   ratio, outcome, f'{axis} {symbol}: {reason}')
+
+
+def _decide(measured: Measured, limit: float, shown: str, fault: str | None
+            ) -> tuple[Outcome, str]:
+    if fault is not None:
+        return 'fail', fault
+    if measured.undecided is not None:
+        return 'cannot tell', measured.undecided
+    if measured.ci95 is None:
+        if measured.upper95 is not None and measured.upper95 <= limit:
+            return 'pass', f'not observable, and with 95 % confidence below {shown}'
+        return 'cannot tell', 'not observable in this recording; record for longer'
+    low, high = measured.ci95
+    if high <= limit:
+        return 'pass', f'the 95 % interval is below {shown}'
+    if low > limit:
+        return 'fail', f'the 95 % interval is above {shown}'
+    return 'cannot tell', f'the 95 % interval reaches across {shown}; record for longer'
+
+
+@dataclass(frozen=True)
+class CheckState:
+    """
+    State of a check.
+
+    Attributes
+    ----------
+    decided : bool
+        Whether the verdicts are final.
+    verdicts : tuple of Verdict
+        The current verdicts; open ones are 'cannot tell'.
+    recorded_s : float
+        Length of the record in seconds.
+
+    """
+
+    decided: bool
+    verdicts: tuple[Verdict, ...]
+    recorded_s: float
+
+
+def check_state(stream: Characterization | Mapping[str, Characterization],
+                specification: NoiseModel, *, shortest_s: float = 0.0,
+                result: Result | None = None, fits: Mapping[str, AxisFit | None] | None = None
+                ) -> CheckState:
+    """Compare a unit with its datasheet while it is recorded, each time `next_look` says so."""
+    # A mapping has the halves of an IMU whose sensors have different rates, and comes with result
+    # and fits.
+    halves = {'': stream} if isinstance(stream, Characterization) else stream
+    if result is None or fits is None:
+        [alone] = halves.values()
+        own, fits, _ = alone.fitted()
+        result = result or own
+    verdicts = check(result, specification, shortest_s=shortest_s)
+    recorded = float('inf')
+    for record in [each.record() for each in halves.values()]:
+        if record is None or record.samples < SMALLEST_RECORD:
+            return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
+                              result.timeline.duration_s)
+        recorded = min(recorded, record.samples / record.rate_hz)
+    tested = ('quantization_noise', *LASTING_TERMS)   # keys of the sequential test
+    limited = sum(verdict.key in tested for verdict in verdicts)
+    # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.
+    raw = {name: fit for name, fit in fits.items()
+           if name in result.axes and result.axes[name].high_passed_hz is None}
+    settled = []
+    for verdict in verdicts:
+        axis = result.axes.get(verdict.axis)
+        # The output resolution hides the quantity, however long the record is.
+        hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
+        settled.append(
+            _settled(verdict, raw.get(verdict.axis), max(limited, 1), recorded)
+            if verdict.key in tested and not hidden
+            else (verdict, hidden or verdict.verdict != 'cannot tell'))
+    found = [verdict for verdict, _ in settled]
+    if recorded < shortest_s:
+        found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
+        return CheckState(overall(found) == 'fail', tuple(found), recorded)
+    if overall(found) == 'fail':
+        # One failure decides. Other limits may be exceeded as well, but need more data to show it.
+        why = 'left open, as the unit fails already'
+        found = [verdict if done else _open(verdict, why) for verdict, done in settled]
+        return CheckState(True, tuple(found), recorded)
+    return CheckState(all(done for _, done in settled), tuple(found), recorded)
+
+
+def _settled(verdict: Verdict, fitted: AxisFit | None, limited: int, recorded_s: float
+             ) -> tuple[Verdict, bool]:
+    """Apply the sequential test to one coefficient; return the verdict and whether it is final."""
+    if fitted is None:
+        # A missing, constant or dead axis has already failed.
+        return verdict, verdict.verdict == 'fail'
+    if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
+        return verdict, True
+    if fitted.fit.power_law is not None and verdict.key == 'bias_instability':
+        # Without flicker there is nothing to test but the curve.
+        return verdict, verdict.verdict != 'cannot tell'
+    if not fitted.fit.acceptable or verdict.limit <= 0:
+        return _open(verdict), False
+    # A good unit may fail at any of its limits by chance, so these share the error. A bad unit
+    # passes only if its bad term passes.
+    decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=MARGIN,
+                      pass_error=0.05, fail_error=0.05 / limited)
+    if decision == 'open':
+        return _open(verdict), False
+    after = f'after {duration(recorded_s)}'
+    said: dict[Decision, tuple[Outcome, str]] = {
+        'below': ('pass', f'below {verdict.specified}, certain {after}'),
+        'above': ('fail', f'above {verdict.specified}, certain {after}'),
+        'near': ('cannot tell', f'within {100 * MARGIN:.0f} % of {verdict.specified} {after}')}
+    return verdict.judged(*said[decision]), True
+
+
+def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
+    faulty = verdict.verdict == 'fail' and verdict.value is None
+    return verdict if faulty else verdict.judged('cannot tell', why)
+
+
+def next_look(samples: int) -> int:
+    """Return the number of samples at which to look again."""
+    return max(SMALLEST_RECORD, round(samples * GROWTH))
