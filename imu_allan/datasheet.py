@@ -331,21 +331,17 @@ class CheckState:
     recorded_s: float
 
 
-def check_state(stream: Characterization | Mapping[str, Characterization],
-                specification: NoiseModel, *, shortest_s: float = 0.0,
-                result: Result | None = None, fits: Mapping[str, AxisFit | None] | None = None
-                ) -> CheckState:
-    """Compare a unit with its datasheet while it is recorded, each time `next_look` says so."""
-    # A mapping has the halves of an IMU whose sensors have different rates, and comes with result
-    # and fits.
-    halves = {'': stream} if isinstance(stream, Characterization) else stream
-    if result is None or fits is None:
-        [alone] = halves.values()
-        own, fits, _ = alone.fitted()
-        result = result or own
+def check_state(halves: Sequence[Characterization], specification: NoiseModel, result: Result,
+                fits: Mapping[str, AxisFit | None], *, shortest_s: float = 0.0) -> CheckState:
+    """
+    Compare a unit with its datasheet while it is recorded, each time `next_look` says so.
+
+    `halves`: its samples, of gyroscope and accelerometer apart if they have topics of their own.
+    `result` and `fits` are those of all.
+    """
     verdicts = check(result, specification, shortest_s=shortest_s)
     recorded = float('inf')
-    for record in [each.record() for each in halves.values()]:
+    for record in [half.record() for half in halves]:
         if record is None or record.samples < SMALLEST_RECORD:
             return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
                               result.timeline.duration_s)

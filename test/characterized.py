@@ -7,6 +7,7 @@ from math import gamma
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
+from imu_allan.datasheet import check_state
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.record.estimator import Estimator
@@ -145,3 +146,9 @@ def power_law_noise(samples, rng, exponent):
     spectrum = np.sqrt(power * half) * (normal[0] + 1j * normal[1])
     spectrum[[0, -1]] = np.sqrt(2 * half * power[[0, -1]]) * normal[0, [0, -1]]
     return np.concatenate(([0.0], np.cumsum(irfft(spectrum, 2 * half)[:samples - 1])))
+
+
+def state_of(stream, specification):
+    """Return how a check of a stream stands."""
+    result, fits, _ = stream.fitted()
+    return check_state([stream], specification, result, fits)

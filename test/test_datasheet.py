@@ -3,10 +3,10 @@
 
 from dataclasses import replace
 
-from characterized import messages, streamed
+from characterized import messages, state_of, streamed
 from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
-from imu_allan.datasheet import check, check_state, overall
+from imu_allan.datasheet import check, overall
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
@@ -155,7 +155,7 @@ def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
     stream = stream_of(rows)
     unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
     model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
-    (said,), (live,) = check(stream.result(), model), check_state(stream, model).verdicts
+    (said,), (live,) = check(stream.result(), model), state_of(stream, model).verdicts
     assert live.verdict == said.verdict
     return said
 
@@ -186,7 +186,7 @@ def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench():
          'gauss_markov': {'sigma': 7.2e-5, 'correlation_time_s': 60.0}}, 25_000, 10.0, seed)
         for seed in (0, 1)]), 10.0)
     limit = '{rate_random_walk: 4.0e-6 rad/s^2/sqrt(Hz)}'
-    found = check_state(stream, parse_model(f'gyro: {{x: {limit}, y: {limit}}}')).verdicts
+    found = state_of(stream, parse_model(f'gyro: {{x: {limit}, y: {limit}}}')).verdicts
     for name, axis in stream.result().axes.items():
         assert axis.coefficients['rate_random_walk'].upper95 is not None, name
     assert [one.verdict for one in found] == ['cannot tell'] * 2

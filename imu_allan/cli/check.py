@@ -131,9 +131,8 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
         for taken in looks:
             result, fits = fitted((one.characterization, one.stream.half, one.remarks())
                                   for one in taken)
-            found = check_state({one.stream.half or '': one.characterization for one in taken},
-                                specification, shortest_s=args.min_duration, result=result,
-                                fits=fits)
+            found = check_state([one.characterization for one in taken], specification, result,
+                                fits, shortest_s=args.min_duration)
             if found.decided:
                 break
     print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')

@@ -18,8 +18,6 @@ from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import summary
 from imu_allan.writers.result_files import load_result
 
-Stream = Characterization | Mapping[str, Characterization]
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -42,13 +40,13 @@ class DatasheetLooks:
         self._next = next_look(0)
         self._decided: CheckState | None = None
 
-    def decided(self, stream: Stream, specification: NoiseModel, result: Result,
-                fits: Mapping[str, AxisFit | None] | None = None) -> CheckState | None:
+    def decided(self, halves: Sequence[Characterization], specification: NoiseModel,
+                result: Result, fits: Mapping[str, AxisFit | None]) -> CheckState | None:
         """Look again if it is time to; return the verdict once it is certain, else None."""
         samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
-            now = check_state(stream, specification, result=result, fits=fits)
+            now = check_state(halves, specification, result, fits)
             self._decided = now if now.decided else None
         return self._decided
 
@@ -69,8 +67,8 @@ class Standards:
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
-    def judge(self, result: Result, stream: Stream, looks: DatasheetLooks,
-              fits: Mapping[str, AxisFit | None] | None = None) -> list[Comparison]:
+    def judge(self, result: Result, halves: Sequence[Characterization], looks: DatasheetLooks,
+              fits: Mapping[str, AxisFit | None]) -> list[Comparison]:
         """Compare a result with every standard."""
         comparisons = []
         if not result.axes:
@@ -80,7 +78,7 @@ class Standards:
         if self._specification is not None:
             verdicts = check(result, self._specification)
             comparisons.append(_against_specification(verdicts, looks.decided(
-                stream, self._specification, result, fits)))
+                halves, self._specification, result, fits)))
         if self._reference is not None:
             comparisons.append(_against_reference(result, self._reference))
         return comparisons

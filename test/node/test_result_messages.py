@@ -326,6 +326,11 @@ def written(folder, limit):
     return str(path)
 
 
+def judged(standards, run, looks):
+    result, fits, _ = run.fitted()
+    return standards.judge(result, [run], looks, fits)
+
+
 def above(limit):
     return '; '.join(f'gyro_{letter} N: the 95 % interval is above {limit} rad/s/sqrt(Hz) '
                      '(measured <number>, <number> .. <number>)' for letter in 'xyz')
@@ -334,22 +339,22 @@ def above(limit):
 def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_path, monkeypatch):
     standards = Standards(spec_file=written(tmp_path, '1.3e-3'))
     run, looks, levels = streamed([]), DatasheetLooks(), []
-    assert standards.judge(run.result(), run, looks) == [
+    assert judged(standards, run, looks) == [
         Comparison('specification', 'warn', 'cannot tell yet: no axis has a result')]
     for block in simulated_blocks(parse_model(MODEL), 100.0, 3000, block_samples=300):
         run.update(block)
-        [finding] = standards.judge(run.result(), run, looks)
+        [finding] = judged(standards, run, looks)
         levels.append(finding.level)
     assert (levels, {*levels}) == (sorted(levels, reverse=True), {'warn', 'ok'})
     assert finding.message == Varying(
         'every limit of the specification is kept, certain after <words>')
     # It stays certain, whatever the next look would say, until the limit is broken.
-    assert standards.judge(run.result(), run, looks) == [finding]
+    assert judged(standards, run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
-    # A look takes the fits that the result was made of.
     result, fits = fitted(Run([Lane(noisy)]).snapshot())
+    # A look takes the fits that the result was made of.
     monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
-    assert standards.judge(result, noisy, looks, fits) == [
+    assert standards.judge(result, [noisy], looks, fits) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]
 
 
@@ -357,12 +362,12 @@ def test_the_same_imu_is_as_in_the_reference_and_a_departure_is_reported_with_fi
     save_result(run_of(MODEL).result(), tmp_path / 'before.json')
     standards = Standards(reference=str(tmp_path / 'before.json'))
     again = run_of(MODEL, seed=1)
-    assert standards.judge(again.result(), again, DatasheetLooks()) == [
+    assert judged(standards, again, DatasheetLooks()) == [
         Comparison('reference', 'ok', 'as in the reference: 3 axes')]
     shaken = run_of('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
                     '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
-                    'mean: 0.01 rad/s}}').result()
-    assert standards.judge(shaken, streamed([]), DatasheetLooks()) == [
+                    'mean: 0.01 rad/s}}')
+    assert judged(standards, shaken, DatasheetLooks()) == [
         Comparison('reference', 'warn', Varying(
             'gyro_x: noise density <number> rad/s/sqrt(Hz), <number> in the reference; gyro_y: '
             'bias <number> rad/s, <number> in the reference'))]

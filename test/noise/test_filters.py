@@ -14,12 +14,13 @@ from characterized import (
     N,
     power_law_noise,
     several,
+    state_of,
     unbiased,
 )
 from exact_results import only
 import imu_allan
 from imu_allan.characterization import Characterization
-from imu_allan.datasheet import check, check_state
+from imu_allan.datasheet import check
 from imu_allan.noise.posterior.shapes import LOW_PASSES, Response
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import SLOW_TERMS
@@ -202,7 +203,7 @@ def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
 
     limits = parse_model('gyro: {x: {noise_density: 1 deg/s/sqrt(Hz), zero_bias: 1 deg/s, '
                          'turn_on_bias: 1 deg/s}}')
-    for verdicts in (check(behind, limits), check_state(stream, limits, result=behind).verdicts):
+    for verdicts in (check(behind, limits), state_of(stream, limits).verdicts):
         assert len(verdicts) == 3
         assert {verdict.verdict for verdict in verdicts} == {'cannot tell'}
         assert all(verdict.reason.endswith('a filter has taken out the slow part of this axis; '

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long to record: until a term shows, an interval halves, or a unit is decided on."""
 
-from characterized import B, K, messages, N, simulated
+from characterized import B, K, messages, N, simulated, state_of
 from imu_allan.characterization import Characterization
-from imu_allan.datasheet import check_state, next_look
+from imu_allan.datasheet import next_look
 from imu_allan.noise import spectrum
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.sequential import SMALLEST_RECORD
@@ -88,7 +88,7 @@ def decided(seed, limit, most=20_000):
     while done < most and not (found and found.decided):
         part = slice(done, min(most, next_look(done)))
         stream.update(messages(rows[part], RATE_HZ, done, gyro_alone=True))
-        found, done = check_state(stream, model), part.stop
+        found, done = state_of(stream, model), part.stop
     [verdict] = found.verdicts
     return verdict.verdict, done
 
