@@ -3,7 +3,8 @@
 """
 Messages of findings, from the texts in `imu_allan.finding_texts` and their values.
 
-No other module composes such messages.
+No other module composes such messages. Findings also decide whether the numbers of a sensor can
+be used (`sensor_verdicts`).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,10 +19,15 @@ from imu_allan.errors import printable
 from imu_allan.finding import CODES, Finding, is_of_kind, is_optional, known, Severity
 from imu_allan.finding_texts import most, Span, Text, WORDS, Words
 from imu_allan.noise.terms import TERMS
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import AxisResult, Result, SensorVerdict
 from imu_allan.sensor.units import engineering
-from imu_allan.sensor_verdicts import FAULTS, sensor_verdicts
 from imu_allan.wording import about, counted, duration, listed, named, number, ranged, SENSORS
+
+SHORTEST_GOOD_S = 60.0
+"""With less rest no term slower than N is visible."""
+FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
+          'zeroed': 'deadband'}
+"""Codes of findings by `AxisResult.fault`: a file may hold the fault without the finding."""
 
 
 def title_of(found: Finding) -> str:
@@ -257,3 +263,63 @@ def _about(found: Finding) -> str:
     recording = found.values.get('recording')
     where = f'{printable(recording)}: ' if recording and isinstance(recording, str) else ''
     return f'{where}{named([printable(axis) for axis in found.axes])}: ' if found.axes else where
+
+
+def sensor_verdicts(result: Result) -> dict[str, SensorVerdict]:
+    """Return the verdict on each sensor with axes in a result, with the codes behind it."""
+    found = {}
+    for sensor in ('gyro', 'accel'):
+        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+        if axes:
+            # As it is shown: a minute by stamps in microseconds may last 59.9999 s.
+            found[sensor] = _verdict(axes, [one for one in result.warnings if concerns(
+                one, sensor)], round(result.timeline.rest_s, 1))
+    return found
+
+
+def concerns(found: Finding, sensor: str) -> bool:
+    """Return whether a finding is about a sensor: by its axes, or as one about the recording."""
+    if found.axes:
+        return any(axis.startswith(sensor) for axis in found.axes)
+    return found.values.get('half') in (None, sensor) and not (
+        sensor == 'gyro' and found.code == 'gravity')
+
+
+def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float) -> SensorVerdict:
+    act = list(dict.fromkeys(one.code for one in about if one.severity == 'act'))
+    faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
+    # Findings after which an axis has no numbers, or those of something else.
+    no_sensor = frozenset({'constant_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
+                           'unknown_rate', 'mostly_motion'})
+    broken = list(dict.fromkeys([*(code for code in act if code in no_sensor), *faults]))
+    unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
+    short = ['short_recording']
+    # With less rest even N is known to a tenth at best. Chosen by judgment.
+    too_short = rest_s < 10.0
+    if broken or unseen or too_short:
+        return SensorVerdict('not_usable', tuple(
+            broken or (short if too_short else act or short)))
+    if act or rest_s < SHORTEST_GOOD_S:
+        return SensorVerdict('with_care', tuple(act or short))
+    return SensorVerdict('good', ())
+
+
+def reasons_of(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the reasons with figures, and by name; the findings themselves are shown below."""
+    rest_s = result.timeline.rest_s
+    found = [one for one in for_display(result.warnings) if concerns(one, sensor)]
+    if (rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',)
+            and not any('samples' in one.values for one in found if one.code in because)):
+        return f'{duration(rest_s)} at rest',
+    said: list[tuple[str, str]] = []
+    for code in because:
+        same = [one for one in found if one.code == code]
+        letters = {axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)} | {
+            name[-1] for name, axis in result.axes.items()
+            if name.startswith(sensor) and FAULTS.get(axis.fault or '') == code}
+        axes = f' ({listed(sorted(letters))})' if letters else ''
+        if same:
+            said.append((f'{brief(together(same, sensor))}{axes}', f'{title_of(same[0])}{axes}'))
+        elif code in WORDS:
+            said.append((f'{WORDS[code].title}{axes}',) * 2)
+    return tuple(map(', '.join, zip(*said, strict=True))) or ('N does not show',)

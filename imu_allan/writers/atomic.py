@@ -62,7 +62,7 @@ def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
 
 def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, str]) -> None:
     """
-    Raise the errors that `write_in` would raise, before any work is done.
+    Raise the errors that `write_files` would raise, before any work is done.
 
     `kinds` maps file names in the folder to their kinds. The folder need not exist.
     """
@@ -71,25 +71,22 @@ def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, s
         require_replaceable(Path(folder) / name, kind)
 
 
-def write_in(folder: str | os.PathLike[str], name: str, data: bytes) -> Path:
-    """
-    Write a file into an output folder with `write_atomically`, and return its path.
-
-    The user named only the folder, so a link in place of the file is not followed.
-    """
-    path = Path(folder) / name
-    _require_no_link(path)
-    write_atomically(path, data)
-    return path
-
 
 def write_files(folder: str | os.PathLike[str], files: Files) -> list[Path]:
-    """Make and write files in turn with `write_in`; an error names all that are missing."""
+    """
+    Make and write files into an output folder in turn; an error names all that are missing.
+
+    The user named only the folder, so a link in place of a file is not followed.
+    """
     paths: list[Path] = []
     for number, (name, made) in enumerate(files.items(), 1):
-        data = made()
+        data, path = made(), Path(folder) / name
+        if data is None:
+            continue
         try:
-            paths += [] if data is None else [write_in(folder, name, data)]
+            _require_no_link(path)
+            write_atomically(path, data)
+            paths.append(path)
         except ImuAllanError as error:
             others = ', '.join(list(files)[number:])
             raise ImuAllanError(

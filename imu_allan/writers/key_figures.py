@@ -17,12 +17,10 @@ from imu_allan import wording
 from imu_allan.characterization.accuracy_of_mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.finding_messages import brief, for_display, in_full, title_of, together
-from imu_allan.finding_texts import WORDS
+from imu_allan.finding_messages import for_display, in_full, reasons_of, sensor_verdicts, title_of
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering
-from imu_allan.sensor_verdicts import concerns, FAULTS, sensor_verdicts, SHORTEST_GOOD_S
 from imu_allan.tuning.forecast import known_less_than, predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
 from imu_allan.writers.curves import axes_of, reported, sensors_of
@@ -226,7 +224,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
             lines.append(f'{wording.SENSORS[sensor]}: {numbers}')
         else:
             said = [f'{wording.SENSORS[sensor]}: {VERDICT_TEXT[verdict.verdict]}: {reason}.'
-                    for reason in _reasons(result, sensor, verdict.because)]
+                    for reason in reasons_of(result, sensor, verdict.because)]
             # Figures where they leave it a line.
             lines.append(next((line for line in said if len(line) <= COLUMNS), said[-1]))
     return lines
@@ -285,24 +283,3 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
             symbol = f'{parts.pop().removesuffix(hidden)} and {symbol}'
         parts.append(symbol + hidden)
     return '. '.join(parts) + '.'
-
-
-def _reasons(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the reasons with figures, and by name; the findings themselves are shown below."""
-    rest_s = result.timeline.rest_s
-    found = [one for one in for_display(result.warnings) if concerns(one, sensor)]
-    if (rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',)
-            and not any('samples' in one.values for one in found if one.code in because)):
-        return f'{wording.duration(rest_s)} at rest',
-    said: list[tuple[str, str]] = []
-    for code in because:
-        same = [one for one in found if one.code == code]
-        letters = {axis[-1] for one in same for axis in one.axes if axis.startswith(sensor)} | {
-            name[-1] for name, axis in axes_of(result, sensor).items()
-            if FAULTS.get(axis.fault or '') == code}
-        axes = f' ({wording.listed(sorted(letters))})' if letters else ''
-        if same:
-            said.append((f'{brief(together(same, sensor))}{axes}', f'{title_of(same[0])}{axes}'))
-        elif code in WORDS:
-            said.append((f'{WORDS[code].title}{axes}',) * 2)
-    return tuple(map(', '.join, zip(*said, strict=True))) or ('N does not show',)

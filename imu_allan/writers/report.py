@@ -17,11 +17,10 @@ from typing import Any
 
 from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.finding_messages import for_display, message_of, title_of
+from imu_allan.finding_messages import for_display, message_of, sensor_verdicts, title_of
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Interval, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.sensor_verdicts import sensor_verdicts
 from imu_allan.version import __version__
 from imu_allan.writers import charts, key_figures
 from imu_allan.writers.comparison import compare, shown, verdicts

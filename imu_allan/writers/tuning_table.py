@@ -11,12 +11,17 @@ from dataclasses import asdict
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.finding_messages import for_display, sentence_of, trend_notes, why_left_out
+from imu_allan.finding_messages import (
+    for_display,
+    sensor_verdicts,
+    sentence_of,
+    trend_notes,
+    why_left_out,
+)
 from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.sensor_verdicts import sensor_verdicts
 from imu_allan.tuning.backtest import FieldTest
 from imu_allan.tuning.forecast import (
     FORECAST_S,

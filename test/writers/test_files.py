@@ -10,7 +10,7 @@ import os
 from imu_allan.finding_messages import with_words
 from imu_allan.result import Timeline
 from imu_allan.writers import result_files
-from imu_allan.writers.atomic import kind_of, write_atomically, write_files, write_in
+from imu_allan.writers.atomic import kind_of, write_atomically, write_files
 from imu_allan.writers.filters import export
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.result_files import (
@@ -129,10 +129,10 @@ def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path, resu
         path.write_text('of the user')
         with refused(f'{path}: exists and is no {kind_of(before[:1 << 14])}, so it is not '
                      'replaced; name another file, or remove this one'):
-            write_in(tmp_path, path.name, before)
+            write_files(tmp_path, {path.name: lambda data=before: data})
         assert path.read_text() == 'of the user'
         path.write_bytes(before)
-        write_in(tmp_path, path.name, before)
+        write_files(tmp_path, {path.name: lambda data=before: data})
 
 
 def test_permissions_are_those_of_the_file_before_or_of_the_umask(tmp_path):
