@@ -9,7 +9,7 @@ the middleware's queue only for moments. Faults of drivers, subscribers or disks
 the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from threading import RLock
 import time
@@ -30,7 +30,6 @@ from imu_allan.node.run import Lane, LOOK_S, Run, Setup, UnusableState, useless
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
-from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 from imu_allan.writers.key_figures import closing_lines
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -38,7 +37,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
-from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 TICK_S = 0.5
@@ -105,7 +103,6 @@ class CharacterizationNode(AnyExecutorNode):
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(self, self._receptions, self._outputs, self._log)
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(self._setup, run, [
@@ -122,7 +119,8 @@ class CharacterizationNode(AnyExecutorNode):
         if run.resumed:
             self._fitting.fit(run)
         self._storage.try_output()
-        self._last_tick = now
+        self._last_tick = self._last_report = self._last_look = now
+        self._last_cpu = time.process_time()
         # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
                                         Clock(clock_type=ClockType.STEADY_TIME))
@@ -184,9 +182,9 @@ class CharacterizationNode(AnyExecutorNode):
                     reception.last_message for reception in self._receptions))
             if self._storage.checkpoint_due(now, self._run):
                 self._storage.checkpoint(self._run)
-            if self._reports.due(now):
+            if now - self._last_report >= REPORT_S:
                 self._thermometer.look_beside()
-                self._reports.report(now, self._run, self._fitting.latest)
+                self._report(now)
                 self._fitting.draw_if_watched(self._run)
             elapsed_s, self._last_tick = now - self._last_tick, now
         # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
@@ -210,6 +208,52 @@ class CharacterizationNode(AnyExecutorNode):
         most = max([reception.take(now) for reception in self._receptions])
         self._thermometer.take()
         return most
+
+    # -- reports ---------------------------------------------------------------------------------
+
+    def _report(self, now: float) -> None:
+        """Update the facts about each topic, write the log, and publish them."""
+        cpu = time.process_time()
+        received = sum([reception.look(now, now - self._last_report)
+                        for reception in self._receptions])
+        for reception in self._receptions:
+            if received:
+                reception.facts.cpu_s = (cpu - self._last_cpu) / received
+            reception.changes.see_reception(reception.facts)
+        self._last_report, self._last_cpu = now, cpu
+        result = self._fitting.latest
+        self._receptions[0].changes.see_progress(now, self._facts, result)
+        watched = bool(self._outputs.diagnostics.get_subscription_count())
+        waited_for = any(reception.facts.received > 0 and reception.changes.began is None
+                         for reception in self._receptions)
+        if watched or waited_for or now - self._last_look >= UNWATCHED_S:
+            self._last_look = now
+            topics = [(reception.facts, self._look(now, lane, reception))
+                      for reception, lane in zip(self._receptions, self._run.lanes, strict=True)]
+            if watched:
+                self._outputs.diagnostics.publish(diagnostics_message(
+                    self.get_fully_qualified_name(), self.get_clock().now().to_msg(), topics,
+                    result))
+                for reception in self._receptions:
+                    reception.facts.longest_hold_s = 0.0
+
+    def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
+        """Summarize the timeline, and log what has changed."""
+        facts = reception.facts
+        snapshot = lane.snapshot().characterization
+        try:
+            snapshot.finish()
+        except ImuAllanError as error:
+            # The samples that the timeline holds back are unusable; the next ones may be usable.
+            facts.update_error = useless(error)
+            self._log.error(facts.update_error, f'useless samples {facts.topic}')
+        else:
+            facts.update_error = ''
+        summary = snapshot.summary()
+        facts.timeline = summary.timeline
+        facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
+        reception.changes.see_timeline(now, facts, summary)
+        return summary
 
     # -- change of runs --------------------------------------------------------------------------
 
@@ -329,63 +373,3 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
     return [(gyro, 'gyro'), (accel, 'accel')]
-
-
-class Reports:
-    """Collects, logs and publishes the facts about each topic."""
-
-    def __init__(self, node: Node, receptions: Sequence[Reception], outputs: OutputTopics,
-                 log: Log) -> None:
-        self._node = node
-        self._receptions = receptions
-        self._outputs = outputs
-        self._log = log
-        self._last = self._last_look = time.monotonic()
-        self._last_cpu = time.process_time()
-
-    def due(self, now: float) -> bool:
-        """Return whether it is time for the next report."""
-        return now - self._last >= REPORT_S
-
-    def report(self, now: float, run: Run, result: Result | None) -> None:
-        """Update the facts, write the log, and publish."""
-        cpu = time.process_time()
-        received = sum([reception.look(now, now - self._last) for reception in self._receptions])
-        for reception in self._receptions:
-            if received:
-                reception.facts.cpu_s = (cpu - self._last_cpu) / received
-            reception.changes.see_reception(reception.facts)
-        self._last, self._last_cpu = now, cpu
-        facts = self._receptions[0].facts
-        self._receptions[0].changes.see_progress(now, facts, result)
-        watched = bool(self._outputs.diagnostics.get_subscription_count())
-        waited_for = any(reception.facts.received > 0 and reception.changes.began is None
-                         for reception in self._receptions)
-        if watched or waited_for or now - self._last_look >= UNWATCHED_S:
-            self._last_look = now
-            topics = [(reception.facts, self._look(now, lane, reception))
-                      for reception, lane in zip(self._receptions, run.lanes, strict=True)]
-            if watched:
-                self._outputs.diagnostics.publish(diagnostics_message(
-                    self._node.get_fully_qualified_name(), self._node.get_clock().now().to_msg(),
-                    topics, result))
-                for reception in self._receptions:
-                    reception.facts.longest_hold_s = 0.0
-
-    def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
-        """Summarize the timeline, and log what has changed."""
-        facts = reception.facts
-        snapshot = lane.snapshot().characterization
-        try:
-            snapshot.finish()
-        except ImuAllanError as error:
-            # The samples that the timeline holds back are unusable; the next ones may be usable.
-            facts.update_error = useless(error)
-            self._log.error(facts.update_error, f'useless samples {facts.topic}')
-        else:
-            facts.update_error = ''
-        summary = snapshot.summary()
-        facts.timeline = summary.timeline
-        facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
-        reception.changes.see_timeline(now, facts, summary)
-        return summary

@@ -227,7 +227,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
         raise ImuAllanError('No space left on device')
 
     with monkeypatch.context() as patched:
-        patched.setattr(storage, 'write_atomically', full)
+        patched.setattr('imu_allan.node.storage.write_atomically', full)
         storage.keep_aside(runs[0], UnusableState('rate', 'it is of 100 Hz'))
         # One after the other.
         worker.start('checkpoint', lambda: None, lambda _: None).result()
