@@ -287,5 +287,4 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
 def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
     """Return the result of the IMU, from one stream or from gyroscope and accelerometer."""
     from imu_allan.characterization.join_gyro_and_accel import united
-    return united([(one.stream.half, result)
-                   for one, result in zip(taken, results, strict=True)])
+    return united([(one.stream.half, result) for one, result in zip(taken, results, strict=True)])

@@ -254,8 +254,7 @@ def rows_like_first(rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]]) -
     for start, stop in spans:
         # Five copies of numbers cost as much as one of a text.
         short = stop - start <= 32
-        parts = _as_numbers(start, stop) if short else [
-            (slice(start, stop), f'V{stop - start}')]
+        parts = _as_numbers(start, stop) if short else [(slice(start, stop), f'V{stop - start}')]
         for place, kind in parts:
             items = rows[:, place].view(kind)[:, 0]
             if items.tobytes() != items[:1].tobytes() * len(rows):

@@ -297,8 +297,7 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
     # With less rest even N is known to a tenth at best. Chosen by judgment.
     too_short = rest_s < 10.0
     if broken or unseen or too_short:
-        return SensorVerdict('not_usable', tuple(
-            broken or (short if too_short else act or short)))
+        return SensorVerdict('not_usable', tuple(broken or (short if too_short else act or short)))
     if act or rest_s < SHORTEST_GOOD_S:
         return SensorVerdict('with_care', tuple(act or short))
     return SensorVerdict('good', ())

@@ -34,8 +34,7 @@ def register(verbs: Any) -> None:
                     'an IMU at rest. It reads rosbag2 folders (sqlite3 or MCAP), bare .mcap and '
                     '.db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin and CSV. A folder holds several, '
                     'or a CSV for each sensor of a phone.')
-    parser.add_argument('recordings', metavar='RECORDING', nargs='+',
-                        help='file or folder')
+    parser.add_argument('recordings', metavar='RECORDING', nargs='+', help='file or folder')
     topics = parser.add_mutually_exclusive_group()
     topics.add_argument('--topic', metavar='NAME',
                         help='the Imu topic; may be left out where there is only one')
@@ -69,8 +68,7 @@ def register(verbs: Any) -> None:
     workers.add_argument('--dask', metavar='ADDRESS',
                          help='work on a running Dask cluster, for instance tcp://host:8786')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, inputs=('recordings',),
-                        outputs={'json': RESULT, 'output': ''})
+    parser.set_defaults(run=run, inputs=('recordings',), outputs={'json': RESULT, 'output': ''})
 
 
 def run(args: argparse.Namespace) -> int:

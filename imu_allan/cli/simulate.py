@@ -58,8 +58,7 @@ def run(args: argparse.Namespace) -> int:
     # 2026-01-01, fixed so that the same command always writes the same file.
     blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
                               start_ns=1_767_225_600 * 10**9)
-    with progress_bar(output, samples, wanted=not args.no_progress,
-                      in_bytes=False) as progress:
+    with progress_bar(output, samples, wanted=not args.no_progress, in_bytes=False) as progress:
         write_recording(output, _counted(blocks, progress), storage=args.storage)
     print(output)
     return 0

@@ -82,8 +82,7 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
     from imu_allan.analysis import analyzed
     from imu_allan.result import Inspection
 
-    result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice,
-                      progress)
+    result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice, progress)
     if task.inspection:
         result = replace(result, inspection=Inspection(**task.inspection))
     if task.folder is not None:

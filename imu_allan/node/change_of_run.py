@@ -207,8 +207,7 @@ class Runs:
             other.lanes[number].power_on()
         was_there, topic.elsewhere, self._why = topic.elsewhere and is_latest, True, why
         # Each takes some megabytes.
-        self._others = [other, *[run for run in self._others
-                                 if run.over and run is not other][:3]]
+        self._others = [other, *[run for run in self._others if run.over and run is not other][:3]]
         if not was_there:
             self._log.warning(
                 f'the messages on {topic.facts.topic} are of another IMU, or it has been set '

@@ -60,8 +60,7 @@ class Publishers:
         # A publisher that has sent nothing for five seconds counts as gone.
         lately = [one for one in self._known if abs(now_ns - one.last_ns) < 5_000_000_000]
         newest = max((one.began_ns for one in lately), default=0)
-        return sum(2 if one.fell_ns is not None else 1 for one in lately
-                   if one.last_ns >= newest)
+        return sum(2 if one.fell_ns is not None else 1 for one in lately if one.last_ns >= newest)
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
         """Return the publisher of each message, `MIXED` if unknown, and how many were lost."""
@@ -183,8 +182,7 @@ def types_of(type_name: str) -> Types:
 
 def _field(name: str, kind: str) -> Field:
     # An element type, bounded or not, alone, in an array or in a sequence.
-    found = re.match(
-        r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?', kind)
+    found = re.match(r'(?:sequence<)?(?P<element>[\w/]+)(?:<\d+>)?(?:\[(?P<count>\d+)\])?', kind)
     assert found is not None, kind
     # Type names of Python classes that differ from those in message definitions.
     base = {'float': 'float32', 'double': 'float64', 'boolean': 'bool'}

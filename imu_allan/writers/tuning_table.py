@@ -41,8 +41,7 @@ from rich.text import Text
 TUNED, MEASURED, TENFOLD = 'tuned', 'as measured', 'ten times K'
 
 
-def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias
-            ) -> list[dict[str, Any]]:
+def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias) -> list[dict[str, Any]]:
     """
     Return the sets of numbers for a filter, with the expected performance of each, as for JSON.
 

@@ -282,8 +282,7 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
     above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
     # A datasheet has no curve, and the process is as large as the flicker after the unaided time.
-    peak = (sqrt(above[0] * above[-1]) if above else
-            curve.tau_s[-1] if curve.tau_s else coast_s)
+    peak = (sqrt(above[0] * above[-1]) if above else curve.tau_s[-1] if curve.tau_s else coast_s)
     # Farrell et al., IEEE Control Systems 42(6), 2022: sigma is 1.08 B, and the Allan deviation of
     # a process peaks at 1.89 correlation times.
     ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])
@@ -291,8 +290,7 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
             Number(peak / 1.89, of_flicker=True))
 
 
-def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None
-                        ) -> Result:
+def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None) -> Result:
     """Return the coefficients of a datasheet as a result without curves or intervals."""
     axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
             if 'noise_density' in datasheet.axes.get(name, {})}
