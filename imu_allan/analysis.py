@@ -13,9 +13,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_allan.argument_checks import positive_time
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, positive_time
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.choose_streams import choose_streams, Stream

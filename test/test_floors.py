@@ -11,8 +11,7 @@ from sources import imported, libraries, MODULES, ON_PYPI_ALONE, PACKAGE
 FLOORS = (
     ('imu_allan.version', 'imu_allan.arrays', 'imu_allan.errors', 'imu_allan.process',
      'imu_allan.isolated_process', 'imu_allan.json_of_dataclasses', 'imu_allan.finding',
-     'imu_allan.result', 'imu_allan.state', 'imu_allan.block', 'imu_allan.wording',
-     'imu_allan.argument_checks'),
+     'imu_allan.result', 'imu_allan.state', 'imu_allan.block', 'imu_allan.wording'),
     ('imu_allan.noise', 'imu_allan.cdr'),
     ('imu_allan.timeline', 'imu_allan.sensor'),
     ('imu_allan.finding_texts', 'imu_allan.finding_messages'),

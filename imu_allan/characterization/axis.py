@@ -7,9 +7,9 @@ from dataclasses import replace
 from math import floor, log10
 from warnings import warn
 
-from imu_allan.argument_checks import positive
 from imu_allan.arrays import Array
 from imu_allan.characterization.noise_findings import fit_findings, steadiness_findings
+from imu_allan.errors import positive
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import message_of
 from imu_allan.noise import faults

@@ -13,8 +13,7 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.argument_checks import LONGEST_S, SHORTEST_S
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, LONGEST_S, SHORTEST_S
 from imu_allan.writers.supported_filters import consumer_called
 
 if TYPE_CHECKING:

@@ -1,6 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reception of messages: taken from the queue, counted, and decoded by publisher."""
+"""
+Reception of messages: taken from the queue, counted, assigned to their publishers, and decoded.
+
+Messages that are not sensor_msgs/Imu, or contain one, are read as from a recording:
+`imu_allan.recordings.messages` knows the types of drivers, finds an Imu inside other messages, and
+takes fields that the user names. The fields of a type come from its Python class, which the
+subscription needs anyway.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,7 +51,12 @@ class _Publisher:
 
 
 class Publishers:
-    """The publishers of a topic that have sent messages; `offers` returns the GIDs present."""
+    """
+    The publishers of a topic that have sent messages; `offers` returns the GIDs present.
+
+    rclpy does not report who published a message, only its sequence number. The numbers of one
+    publisher increase one by one; those of another publisher lie elsewhere.
+    """
 
     def __init__(self, offers: Callable[[], set[str]] = set) -> None:
         self._offers = offers

@@ -19,8 +19,8 @@ from collections.abc import Mapping
 from operator import index
 from typing import Any
 
-from imu_allan.argument_checks import positive, real, shown
 from imu_allan.arrays import Array
+from imu_allan.errors import positive, real, shown
 from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np

@@ -10,10 +10,9 @@ position on the grid.
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from imu_allan.argument_checks import positive
 from imu_allan.arrays import Array, Bools
 from imu_allan.block import ImuBlock, joined
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, positive
 from imu_allan.finding import Flaw
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record

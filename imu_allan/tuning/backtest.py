@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from itertools import chain
 from math import log2, sqrt
 
-from imu_allan.argument_checks import drift_model_of
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import fit_drift_model
@@ -43,7 +42,7 @@ from imu_allan.result import (
     Tone,
 )
 from imu_allan.tuning.forecast import coast_bands
-from imu_allan.tuning.state_space import space_of, StateSpace
+from imu_allan.tuning.state_space import drift_model_of, space_of, StateSpace
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 import numpy as np
 from numpy.typing import ArrayLike

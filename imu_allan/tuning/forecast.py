@@ -13,14 +13,15 @@ The same uncertainty widens tuned numbers, and the bands of tests on other data.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from imu_allan.argument_checks import drift_model_of, positive_time
 from imu_allan.arrays import Array
+from imu_allan.errors import positive_time
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power, Quantity
 from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, DriftModel, Interval
+from imu_allan.tuning.state_space import drift_model_of
 import numpy as np
 from numpy.typing import ArrayLike
 

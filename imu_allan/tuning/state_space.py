@@ -12,9 +12,8 @@ A^2/2 sinc^2.
 
 from dataclasses import dataclass, replace
 
-from imu_allan.argument_checks import drift_model_of, positive_time
 from imu_allan.arrays import Array
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, positive_time
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
@@ -76,6 +75,17 @@ class StateSpace:
     measurement: Array
     cross: Array
     initial: Array
+
+
+def drift_model_of(axis: AxisResult) -> DriftModel:
+    """Return the drift model of an axis; ImuAllanError if it has none."""
+    if not isinstance(axis, AxisResult):
+        raise TypeError(f"expected an axis of a result, such as result.axes['gyro_x'], not "
+                        f'{type(axis).__name__}')
+    if axis.drift_model is None:
+        raise ImuAllanError('this axis has no drift model (it is constant, too short, or from a '
+                            'result of an older version): analyze the recording again')
+    return axis.drift_model
 
 
 def state_space(axis: AxisResult, step_s: float) -> StateSpace:

@@ -23,15 +23,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from imu_allan.argument_checks import drift_model_of, positive, positive_time
 from imu_allan.arrays import Array
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, positive, positive_time
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.forecast import hidden_variance, upper_of_drift, upper_of_white
-from imu_allan.tuning.state_space import above_band
+from imu_allan.tuning.state_space import above_band, drift_model_of
 import numpy as np
 
 Bias = Literal['random_walk', 'gauss_markov']

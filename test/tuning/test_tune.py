@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from exact_results import axis_of, FLICKER
 import imu_allan
-from imu_allan.argument_checks import LONGEST_S, SHORTEST_S
 from imu_allan.characterization.axis import characterize
+from imu_allan.errors import LONGEST_S, SHORTEST_S
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Tone
 from imu_allan.tuning.backtest import run_filters
