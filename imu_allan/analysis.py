@@ -18,12 +18,7 @@ from imu_allan.errors import ImuAllanError, positive_time
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.choose_streams import choose_streams, Stream
-from imu_allan.recordings.repeated_messages import (
-    files_digest,
-    sampled,
-    Seen,
-    share_messages,
-)
+from imu_allan.recordings.repeated_messages import files_digest, sampled, Seen, share_messages
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
 from imu_allan.result import Result

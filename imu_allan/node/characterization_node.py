@@ -91,7 +91,7 @@ class CharacterizationNode(AnyExecutorNode):
         self._facts.errors = self._worker.errors
         self._fitting = Fitting(name, self._outputs, self._worker, self._facts,
                                 self._receptions[0].changes, values)
-        self._setup = Setup(
+        setup = Setup(
             subscribed[0], TimelineOptions(clock=values['clock'],
                                            gap_tolerance=values['gap_tolerance'],
                                            motion=values['motion']),
@@ -102,10 +102,10 @@ class CharacterizationNode(AnyExecutorNode):
             finds_unit=not (values['accel_unit'] or values['accel_field']))
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
-        self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
+        self._storage = Storage(name, setup, self._worker, self._facts, self._log, values)
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
-        self._runs = Runs(self._setup, run, [
+        self._runs = Runs(setup, run, [
             (reception.facts, reception.subscription.publisher_gids)
             for reception in self._receptions],
             lambda: min(LOOK_S, values['checkpoint_period'] / 2), self._leave, self._log)

@@ -203,9 +203,14 @@ def _field(name: str, kind: str) -> Field:
     return field_of(name, normal_name(element), 0 if kind.startswith('sequence') else count)
 
 
-def decoder(type_name: str, **options: str) -> Decode:
-    """Return a function that decodes messages of a type by `RecordingOptions`; none if empty."""
-    given: dict[str, Any] = {name: text for name, text in options.items() if text}
+def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decode:
+    """Return the decoder that the parameters ask for, or name the one that is wrong."""
+    type_name = values[parameter]
+    # Fields of the other sensor are not in these messages.
+    asked = {part: values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')
+             if half is None or part in (half, 'stamp')}
+    asked |= {name: values[name] for name in ('gyro_unit', 'accel_unit')}
+    given: dict[str, Any] = {name: text for name, text in asked.items() if text}
     if type_name == IMU_TYPE and not given:
         return blocks_from_messages
     # Imported late: most nodes read sensor_msgs/Imu and do not need these.
@@ -216,11 +221,14 @@ def decoder(type_name: str, **options: str) -> Decode:
                               options=RecordingOptions(**given)).decoder()
     except ImuAllanError as error:
         text = str(error)
-        for option, parameter in (
+        for option, name in (
                 ('--gyro unit', 'gyro_unit'), ('--accel unit', 'accel_unit'),
                 ('--gyro', 'gyro_field'), ('--accel', 'accel_field'), ('--stamp', 'stamp_field')):
-            text = text.replace(option, parameter)
-        raise ImuAllanError(text) from error
+            text = text.replace(option, name)
+        # One of a field or unit begins with the name of its own parameter.
+        named = text.partition(' ')[0] in values
+        raise ImuAllanError(f'parameter {text}' if named else
+                            f'parameter {parameter}: {text}') from error
 
     return lambda messages, receive_ns, on_malformed: decode(
         batches_of(messages, receive_ns), on_malformed)
@@ -232,7 +240,7 @@ class Reception:
     def __init__(self, node: Node, log: Log, topic: str, half: Half | None,
                  values: Mapping[str, Any]) -> None:
         parameter = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
-        self._decode = _decoder(parameter, half, values)
+        self._decode = decoder(parameter, half, values)
         expected = 0.0 if half == 'accel' else values['expected_rate']
         # 2.5 s of samples, which late ticks do not exceed.
         queue = max(QUEUE_MESSAGES, ceil(2.5 * expected))
@@ -323,18 +331,3 @@ class Reception:
             return (f'; {name_of_kind} topics here: {", ".join(sorted(others))}; choose one with '
                     f'--ros-args {remedy}:=TOPIC')
         return f'; no node publishes {name_of_kind} messages'
-
-
-def _decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decode:
-    """Return the decoder that the parameters ask for, or name the one that is wrong."""
-    # Fields of the other sensor are not in these messages.
-    fields = {part: values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')
-              if half is None or part in (half, 'stamp')}
-    try:
-        return decoder(values[parameter], **fields, gyro_unit=values['gyro_unit'],
-                       accel_unit=values['accel_unit'])
-    except ImuAllanError as error:
-        # One of a field or unit begins with the name of its own parameter.
-        named = str(error).partition(' ')[0] in values
-        raise ImuAllanError(f'parameter {error}' if named else
-                            f'parameter {parameter}: {error}') from error

@@ -127,7 +127,9 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
     with refused('os/msg/../Imu: not the name of a message type, such as sensor_msgs/msg/Imu'):
         message_class('os/msg/../Imu')
     malformed = []
-    decode = decoder('geometry_msgs/msg/TwistStamped', gyro='twist.angular', accel='twist.linear')
+    decode = decoder('imu_type', None, {
+        'imu_type': 'geometry_msgs/msg/TwistStamped', 'gyro_field': 'twist.angular',
+        'accel_field': 'twist.linear', 'stamp_field': '', 'gyro_unit': '', 'accel_unit': ''})
     [block] = decode(
         [b'\0\1\0\0short', serialize_message(message)], np.array([7, 8]) * 10**9,
         lambda count, _: malformed.append(count))
