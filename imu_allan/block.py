@@ -94,6 +94,8 @@ class EvenBlock:
         position on the grid is then unrelated to the previous block.
     restart : bool
         All previous blocks are void: they were motion, before the first rest.
+    after_motion : bool
+        The samples just before this block were cut out as motion.
     start_s : float
         Time of the first row since the first sample, by the clock in use.
 
@@ -104,6 +106,7 @@ class EvenBlock:
     interpolated: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     new_run: bool = False
     restart: bool = False
+    after_motion: bool = False
     start_s: float = 0.0
 
     def __len__(self) -> int:

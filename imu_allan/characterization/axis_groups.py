@@ -17,6 +17,8 @@ from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 
+ACCELEROMETER = np.arange(6) >= 3
+
 
 @dataclass
 class LatestRows(Record):
@@ -73,13 +75,14 @@ class Group(Record):
         """
         Return the group before a block is added, split if only one sensor begins a run with it.
 
-        The mean of an accelerometer is another one after the IMU was turned, during motion that
-        was cut out or while messages were lost. That step is no noise.
+        The mean of an accelerometer is another one after the IMU was turned while messages were
+        lost, and after every motion: 0.01 degree is as much as its flicker. That step is no noise.
         """
         if block.first_index <= self.end or not self.estimator.samples:
             return [self]
         sensor = self.columns // 3
-        begins = np.isin(sensor, sensor[self.latest.moved(block.samples)[self.columns]])
+        moved = self.latest.moved(block.samples) | (block.after_motion & ACCELEROMETER)
+        begins = np.isin(sensor, sensor[moved[self.columns]])
         if begins.any() and not begins.all():
             return [replace(self.part(begins), moved=True), self.part(~begins)]
         self.moved = bool(begins.all())

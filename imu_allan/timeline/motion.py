@@ -292,7 +292,9 @@ class MotionDetector(Record):
             if cut[left]:
                 self.summary.cut.add(*place)
             else:
-                blocks.append(replace(part, new_run=self._run_pending, restart=self._void))
+                blocks.append(replace(
+                    part, new_run=self._run_pending, restart=self._void,
+                    after_motion=part.first_index == self.summary.cut.end))
                 self._run_pending = self._void = False
                 self.summary.kept.add(*place)
         struck = int(np.count_nonzero(segment.moving[context:context + count])) * size

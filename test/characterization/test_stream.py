@@ -61,6 +61,21 @@ def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis
     assert max(ends_s) - min(ends_s) < 0.01 * result.timeline.duration_s
 
 
+def test_a_floor_that_is_not_quite_flat_is_no_random_walk_of_the_accelerometer():
+    rng = np.random.default_rng(6)
+    rows = np.column_stack([simulate({N: density}, 180_000, RATE, seed)
+                            for seed, density in enumerate([7e-5] * 3 + [1.5e-3] * 3)])
+    for stop in range(6_000, 180_000, 6_000):
+        rows[stop - 1_000:stop] += rng.normal(0, 0.5, (1_000, 6))
+        # By a fiftieth of a degree, a fifth of the noise of a sample.
+        rows[stop:, 3:] += rng.normal(0, 0.003, 3)
+    result = characterized(rows)
+    assert len(result.timeline.motion) == 29
+    assert not {'bias_step', 'trend_or_walk'} & {found.code for found in result.warnings}
+    for axis in result.axes.values():
+        assert not axis.coefficients[K].observable
+
+
 @pytest.mark.parametrize('hours', [0.4, slow(3)])
 def test_drops_gaps_and_knocks_leave_the_coefficients_alone(hours):
     samples = round(hours * 3600 * RATE)
