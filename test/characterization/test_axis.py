@@ -65,6 +65,7 @@ def test_what_is_worth_telling_has_its_code():
     assert not axis.goodness_of_fit.acceptable
 
 
+@pytest.mark.filterwarnings('ignore:not_steady')
 def test_the_misfit_of_a_ramp_without_noise_is_no_number():
     with pytest.warns(UserWarning, match='poor_fit: no sum of noise terms comes within a factor '
                                          r'of ten of this spectrum\. -> '):
