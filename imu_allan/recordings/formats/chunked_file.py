@@ -109,10 +109,9 @@ class ChunkedRecording(FileRecording):
         """Read the head of the record at `at`."""
 
     @abstractmethod
-    def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                 limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
+    def _batches(self, reading: 'Reading', part: Part) -> tuple[Iterable[MessageBatch], str]:
         """
-        Gather the messages of the channels `wanted` in a part; also return what is damaged.
+        Gather the messages of the channels wanted in a part; also return what is damaged.
 
         Channels that it describes are stored. Raises DamagedData if nothing of it can be read.
         """
@@ -122,17 +121,16 @@ class ChunkedRecording(FileRecording):
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        limits = ReadingLimits(self.path)
         malformed = MalformedMessages()
-        damage = Damage()
         messages = 0
-
-        def decode(part: Part) -> list[ImuBlock]:
-            batches = self._intact(file, part, wanted, limits, damage)
-            return [block for held in in_lists(batches) for block in decoder(held, malformed)]
-
         with self._stored.open('rb') as file:
-            for part in self._parts(file, damage):
+            reading = Reading(file, ReadingLimits(self.path), wanted)
+
+            def decode(part: Part) -> list[ImuBlock]:
+                batches = self._intact(reading, part)
+                return [block for held in in_lists(batches) for block in decoder(held, malformed)]
+
+            for part in self._parts(reading):
                 if part.indexes and not wanted & part.indexes.keys():
                     continue
                 # Hold no buffer while the caller works. Memory freed before the next buffer is
@@ -142,19 +140,18 @@ class ChunkedRecording(FileRecording):
                     yield block, part.start
         malformed.report(imu, self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
-        damage.report(self, topic, expected - messages - malformed.count, expected)
+        reading.report(self, topic, expected - messages - malformed.count, expected)
 
-    def _intact(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                limits: ReadingLimits, damage: 'Damage') -> Iterable[MessageBatch]:
+    def _intact(self, reading: 'Reading', part: Part) -> Iterable[MessageBatch]:
         """Gather the messages of a part as far as it is intact, and note its damage."""
         batches: Iterable[MessageBatch] = ()
-        file.seek(part.start)
+        reading.file.seek(part.start)
         try:
-            batches, fault = self._batches(file, part, wanted, limits)
+            batches, fault = self._batches(reading, part)
         except DamagedData as error:
             fault = str(error)
         if fault:
-            damage.chunk(part.start, fault)
+            reading.note_damaged_chunk(part.start, fault)
         return batches
 
     def _scan(self, file: BinaryIO) -> None:
@@ -165,25 +162,24 @@ class ChunkedRecording(FileRecording):
         is not described yet are decompressed.
         """
         counts: Counter[int] = Counter()
-        limits = ReadingLimits(self.path)
-        damage = Damage()
-        for part in self._parts(file, damage):
+        reading = Reading(file, ReadingLimits(self.path))
+        for part in self._parts(reading):
             counts.update({number: count for number, (_, count) in part.indexes.items()})
             if not part.indexes or part.indexes.keys() - self._channels:
-                self._intact(file, part, frozenset(), limits, damage)
+                self._intact(reading, part)
         if not self._counts:
             self._counts, self._counted = dict(counts), bool(counts)
-        if not self._channels and (reason := damage.summary()):
+        if not self._channels and (reason := reading.summary()):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
-    def _parts(self, file: BinaryIO, damage: 'Damage') -> Iterator[Part]:
+    def _parts(self, reading: 'Reading') -> Iterator[Part]:
         """Yield the chunks, and runs of records outside of chunks, in order."""
         at = len(self._magic)
         part: Part | None = None
         while True:
             end = self._next_chunk(at) or self.size_bytes
-            found = self._head(file, at)
+            found = self._head(reading.file, at)
             whole = found.kind is not None and found.stop <= end
             if part is not None:
                 if whole and found.kind == 'index' and part.kind == 'chunk':
@@ -195,7 +191,7 @@ class ChunkedRecording(FileRecording):
                     yield part
                     part = None
             if not whole:
-                known = self._skip_to_chunk(at, damage, found.kind == 'chunk')
+                known = self._skip_to_chunk(at, reading, found.kind == 'chunk')
                 if known is None:
                     return
                 at = known
@@ -206,7 +202,7 @@ class ChunkedRecording(FileRecording):
             if part is None and (found.kind == 'chunk' or (
                     found.kind == 'message' and found.stop - found.start <= WINDOW)):
                 part = found
-                damage.chunks += found.kind == 'chunk'
+                reading.chunks += found.kind == 'chunk'
             at = found.stop
 
     def _list_topics(self) -> None:
@@ -234,27 +230,30 @@ class ChunkedRecording(FileRecording):
         place = bisect_right(self._chunk_starts, at)
         return self._chunk_starts[place] if place < len(self._chunk_starts) else None
 
-    def _skip_to_chunk(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
+    def _skip_to_chunk(self, at: int, reading: 'Reading', in_chunk: bool) -> int | None:
         """Note bytes that are not a record; return the offset of the next chunk, or None."""
         known = self._next_chunk(at)
         left = self.size_bytes - at
-        damage.lost_bytes += (known or self.size_bytes) - at
+        reading.lost_bytes += (known or self.size_bytes) - at
         if known is not None:
-            damage.holes += 1
-            damage.first_hole = damage.first_hole or f'{known - at} bytes from byte {at} on'
+            reading.holes += 1
+            reading.first_hole = reading.first_hole or f'{known - at} bytes from byte {at} on'
         elif left == 0:
-            damage.end = _UNWRITTEN
+            reading.end = _UNWRITTEN
         elif in_chunk:
-            damage.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
+            reading.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
         else:
-            damage.end = f'{left} bytes from byte {at} on are not whole records and are lost'
+            reading.end = f'{left} bytes from byte {at} on are not whole records and are lost'
         return known
 
 
 @dataclass
-class Damage:
-    """Damage found during one reading of a file."""
+class Reading:
+    """One reading of a file: the channels wanted, and the damage found so far."""
 
+    file: BinaryIO
+    limits: ReadingLimits
+    wanted: AbstractSet[int] = frozenset()
     chunks: int = 0
     broken_chunks: int = 0
     first_broken: str = ''
@@ -263,7 +262,7 @@ class Damage:
     end: str = ''
     lost_bytes: int = 0
 
-    def chunk(self, at: int, reason: str) -> None:
+    def note_damaged_chunk(self, at: int, reason: str) -> None:
         """Note a chunk with damaged content."""
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'

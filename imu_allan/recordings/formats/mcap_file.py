@@ -41,6 +41,7 @@ from imu_allan.recordings.formats.chunked_file import (
     Kind,
     LARGEST_DESCRIPTION,
     Part,
+    Reading,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits, unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
@@ -92,14 +93,14 @@ class McapRecording(ChunkedRecording):
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
         super().__init__(path, stored, options)
 
-    def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                 limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
-        data = (_chunk_data(file, part.stop - part.start, limits) if part.kind == 'chunk'
-                else file.read(part.stop - part.start))
-        batches, consumed = gather(data, wanted, self._describe,
+    def _batches(self, reading: Reading, part: Part) -> tuple[Iterable[MessageBatch], str]:
+        file, size = reading.file, part.stop - part.start
+        data = (_chunk_data(file, size, reading.limits) if part.kind == 'chunk'
+                else file.read(size))
+        batches, consumed = gather(data, reading.wanted, self._describe,
                                    lambda: _message_places(file, part))
         rest = len(data) - consumed
-        return (unpacked(batches, limits),
+        return (unpacked(batches, reading.limits),
                 f'{rest} bytes at its end are not whole records' if rest else '')
 
     def _read_index(self, file: BinaryIO) -> bool:

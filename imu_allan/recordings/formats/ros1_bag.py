@@ -14,7 +14,7 @@ ROS wiki, Bags/Format/2.0
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Set as AbstractSet
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from io import BytesIO
 from typing import BinaryIO, NamedTuple
@@ -31,6 +31,7 @@ from imu_allan.recordings.formats.chunked_file import (
     LARGEST_DESCRIPTION,
     MOST_CHANNELS,
     Part,
+    Reading,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
 from imu_allan.recordings.messages.definitions import Definition
@@ -53,17 +54,16 @@ class Ros1Recording(ChunkedRecording):
 
     _magic = MAGIC
 
-    def _batches(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
-                 limits: ReadingLimits) -> tuple[Iterable[MessageBatch], str]:
-        buffer = _chunk_data(file, part, limits)
-        connections, times, places = _indexed(file, part)
+    def _batches(self, reading: Reading, part: Part) -> tuple[Iterable[MessageBatch], str]:
+        buffer = _chunk_data(reading.file, part, reading.limits)
+        connections, times, places = _indexed(reading.file, part)
         bodies = places + 4 + _lengths(buffer, places)
         sizes = _lengths(buffer, bodies)
         starts, stops = np.append(places, len(buffer)), np.append(0, bodies + 4 + sizes)
         gaps = np.flatnonzero(starts != stops)
         for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True):
             self._gather_connections(BytesIO(buffer), stop, start)
-        chosen = np.isin(connections, [*wanted & part.indexes.keys()])
+        chosen = np.isin(connections, [*reading.wanted & part.indexes.keys()])
         bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
         return (MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
                              times[first:last])

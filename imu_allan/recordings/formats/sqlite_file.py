@@ -246,13 +246,8 @@ class SqliteRecording(FileRecording):
                     topic=printable(imu.name), lost_share=1 - share)
 
     def _columns(self, rows: list[tuple[int, bytes]], malformed: MalformedMessages,
-                 ) -> tuple[Sequence[int], Sequence[bytes]]:
+                 ) -> tuple[list[int], list[bytes]]:
         """Return stamps and messages; a value may have any type, whatever its column has."""
-        if not rows:
-            return (), ()
-        stamps, messages = zip(*rows, strict=True)
-        if {*map(type, stamps)} == {int} and {*map(type, messages)} == {bytes}:
-            return stamps, messages
         blobs = [row for row in rows if type(row[1]) is bytes]
         if len(blobs) < len(rows):
             malformed(len(rows) - len(blobs), MalformedImu('not a blob'))
