@@ -287,7 +287,7 @@ class Cursor(Record):
 class Memory(Record):
     """The whole state of a timeline."""
 
-    options: TimelineOptions
+    options: TimelineOptions = TimelineOptions()
     counts: Counts = field(default_factory=Counts)
     decision: Decision = field(default_factory=Decision)
     content: Content = field(default_factory=Content)

@@ -5,8 +5,8 @@ The timeline as one streaming stage, shared by the node and by recordings.
 
 Messages are processed in windows of a fixed number, each seen together with the messages that
 follow. The outcome therefore does not depend on the blocks they came in. Three parts work one
-after the other. Intake chooses the usable messages, placing puts them on the even grid, and the
-motion detector leaves out what is not at rest.
+after the other on the memory that the stage is. Intake chooses the usable messages, placing puts
+them on the even grid, and the motion detector leaves out what is not at rest.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.state import Record, restored, State, state_of
+from imu_allan.state import restored, State, state_of
 from imu_allan.timeline.intake import usable
-from imu_allan.timeline.memory import Decision, Memory, TimelineOptions, Window
+from imu_allan.timeline.memory import Decision, Memory, Window
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
@@ -24,7 +24,7 @@ from imu_allan.timeline.summary import summarize, TimelineSummary
 from numpy.typing import NDArray
 
 
-class TimelineStage(Record):
+class TimelineStage(Memory):
     """
     Converter of messages, in order of arrival, to even samples, in constant memory.
 
@@ -39,62 +39,55 @@ class TimelineStage(Record):
 
     """
 
-    def __init__(self, options: TimelineOptions | None = None) -> None:
-        self._memory = Memory(options or TimelineOptions())
-
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """Take messages, and return the even samples that are decided by now."""
         if not len(block):
             return []
-        decision = self._memory.decision
-        if block.frame_id != decision.frame_id:
-            if decision.frame_id is not None:
-                self._memory.counts.reject_frame(block.frame_id, len(block))
+        if block.frame_id != self.decision.frame_id:
+            if self.decision.frame_id is not None:
+                self.counts.reject_frame(block.frame_id, len(block))
                 return []
-            decision.frame_id = block.frame_id
-        pending = self._memory.pending
-        pending.append(block)
+            self.decision.frame_id = block.frame_id
+        self.pending.append(block)
         blocks: list[EvenBlock] = []
         # 64 later messages must be seen before a message is accepted or rejected: the last of a
         # window are processed in the next one.
         look_ahead = 64
-        while pending.messages >= (window := self._window):
-            blocks += self._process(pending.take(window, window - look_ahead))
+        while self.pending.messages >= (window := self._window):
+            blocks += self._process(self.pending.take(window, window - look_ahead))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
         """Return what is still held back, at the end of a recording."""
-        pending, n = self._memory.pending, self._memory.pending.messages
-        blocks = self._process(pending.take(n, n)) if n else []
-        if self._memory.motion is not None:
-            rest = self._memory.motion.flush()
+        n = self.pending.messages
+        blocks = self._process(self.pending.take(n, n)) if n else []
+        if self.motion is not None:
+            rest = self.motion.flush()
             blocks += [] if self._keeps_motion else rest
         return blocks
 
     def break_run(self) -> list[EvenBlock]:
         """Begin a run with the next sample, after an unknown time; return what was held back."""
         blocks = self.flush()
-        self._memory.cursor.fresh_run = True
+        self.cursor.fresh_run = True
         return blocks
 
     def power_on(self) -> list[EvenBlock]:
         """Begin a run with the next sample, whose mean may differ; return as `break_run` does."""
         blocks = self.break_run()
-        if self._memory.motion is not None:
-            self._memory.motion.forget_means()
+        if self.motion is not None:
+            self.motion.forget_means()
         return blocks
 
     def to_state(self) -> State:
         """Return everything needed to continue later, as a flat dict of arrays."""
-        self._memory.pending.join()
-        return state_of(self._memory)
+        self.pending.join()
+        return state_of(self)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
         """Restore a stage from the result of `to_state`; KeyError if a part is missing."""
-        stage = cls()
-        stage._memory = restored(Memory, state)
-        return stage
+        return restored(cls, state)
 
     def summary(self) -> TimelineSummary:
         """Summarize all messages so far, including those still held back."""
@@ -103,67 +96,66 @@ class TimelineStage(Record):
             stage.flush()
         except ImuAllanError:
             stage = self
-        return summarize(stage._memory)
+        return summarize(stage)
 
     @property
     def epoch_ns(self) -> int | None:
         """Stamp of the clock in use at time zero; it changes if the clock jumps."""
-        cursor = self._memory.cursor
-        if cursor.first_ns is None or self._memory.decision.counted_only:
+        cursor = self.cursor
+        if cursor.first_ns is None or self.decision.counted_only:
             return None
         return cursor.last_ns - cursor.elapsed_ns
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:
         """Clock whose stamps are used; None until it is finally chosen."""
-        return self._memory.decision.clock
+        return self.decision.clock
 
     @property
     def at_other_rate(self) -> bool:
         """Whether the latest messages are left out because they come at another rate."""
-        return self._memory.cursor.other_rate
+        return self.cursor.other_rate
 
     @property
     def left_out_s(self) -> float:
         """Duration in s of all messages left out because they came at another rate."""
-        return self._memory.counts.at_other_rate * (self.interval_ns or 0.0) / SECOND
+        return self.counts.at_other_rate * (self.interval_ns or 0.0) / SECOND
 
     @property
     def interval_ns(self) -> float | None:
         """Sample interval by the clock in use; None until it is measured."""
-        decision = self._memory.decision
+        decision = self.decision
         return None if decision.first_interval_ns is None else decision.pace.interval_ns
 
     @property
     def _window(self) -> int:
         """Messages that are processed at once: 20 s of them, from 4,096 to 16,384."""
-        interval_ns = self._memory.decision.first_interval_ns
+        interval_ns = self.decision.first_interval_ns
         if interval_ns is None or 8192 * interval_ns > 20 * SECOND:
             return 4096
         return 8192 if 16_384 * interval_ns > 20 * SECOND else 16_384
 
     def _process(self, window: Window) -> list[EvenBlock]:
         try:
-            return self._at_rest(place(self._memory, usable(self._memory, window)))
+            return self._at_rest(place(self, usable(self, window)))
         except ImuAllanError:
             # No clock is chosen yet: the next messages may be usable.
-            decision = self._memory.decision
+            decision = self.decision
             decision.clock, decision.pace, decision.first_interval_ns = None, Decision.pace, None
             raise
 
     def _at_rest(self, blocks: Iterable[EvenBlock]) -> list[EvenBlock]:
         """Leave out motion, or only detect it; pass blocks on until an interval is known."""
-        memory, decision = self._memory, self._memory.decision
         given: list[EvenBlock] = []
         for block in blocks:
             at_rest = [block]
-            if decision.first_interval_ns is not None:
-                memory.motion = memory.motion or MotionDetector(
-                    decision.first_interval_ns / SECOND)
-                at_rest = memory.motion.push(block)
+            if self.decision.first_interval_ns is not None:
+                self.motion = self.motion or MotionDetector(
+                    self.decision.first_interval_ns / SECOND)
+                at_rest = self.motion.push(block)
             given += [block] if self._keeps_motion else at_rest
         return given
 
     @property
     def _keeps_motion(self) -> bool:
-        return self._memory.options.motion == 'keep'
+        return self.options.motion == 'keep'
