@@ -160,7 +160,7 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
         [topic] = recording.preferred
     # A robot has no more than a few IMUs, so a longer list is not searched for halves.
     if topic is None and 1 < len(recording.topics) <= 16:
-        halves = [(half_of(recording, imu.name) or '', imu.name) for imu in recording.topics
+        halves = [(_half_of(recording, imu.name) or '', imu.name) for imu in recording.topics
                   if imu.count != 0]
         if sorted(half for half, _ in halves) == ['accel', 'gyro']:
             names = dict(halves)
@@ -183,7 +183,7 @@ def _report_choice(recording: Recording) -> None:
             reason=recording.preferred_for, others=[*map(printable, others)])
 
 
-def half_of(recording: Recording, topic: str) -> Half | None:
+def _half_of(recording: Recording, topic: str) -> Half | None:
     """Return the half that a topic holds if the other is exactly zero; None for both."""
     known = recording.imu(topic).messages.half
     if known is not None:

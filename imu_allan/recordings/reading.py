@@ -42,14 +42,14 @@ Item = TypeVar('Item')
 
 WORTHWHILE_BYTES = 1 << 26
 """Size in bytes from which a recording is read by a separate process."""
-SLOT_MESSAGES = 1 << 13
+_SLOT_MESSAGES = 1 << 13
 """Messages per slot."""
-SLOTS = 4
+_SLOTS = 4
 """Slots in shared memory (2.2 MB): the reader may be so many blocks ahead."""
 
 _SLOT = np.dtype([
-    ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
-    ('samples', np.float64, (6, SLOT_MESSAGES)), ('absent', np.bool_, (2, SLOT_MESSAGES))])
+    ('header_ns', np.int64, _SLOT_MESSAGES), ('receive_ns', np.int64, _SLOT_MESSAGES),
+    ('samples', np.float64, (6, _SLOT_MESSAGES)), ('absent', np.bool_, (2, _SLOT_MESSAGES))])
 
 
 def read_blocks(
@@ -95,7 +95,7 @@ def read_blocks(
 
 
 def _blocks_ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-    if worth_a_process(recording):
+    if _worth_a_process(recording):
         # If no further process can be started, fall back to a thread.
         with suppress(OSError):
             return read_in_process(recording, topic)
@@ -208,7 +208,7 @@ def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock
     memory = os.memfd_create('imu_allan')
     try:
         # Allocate now: if there is no room, the caller can still fall back to a thread.
-        os.posix_fallocate(memory, 0, SLOTS * _SLOT.itemsize)
+        os.posix_fallocate(memory, 0, _SLOTS * _SLOT.itemsize)
         slots = _slots(memory)
         # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
         process = start_python(
@@ -261,7 +261,7 @@ def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDA
                           else RuntimeError(f'in the reading process:\n{where}'))
 
 
-def worth_a_process(recording: Recording) -> bool:
+def _worth_a_process(recording: Recording) -> bool:
     """Return whether a separate process reads this recording faster than a thread."""
     interpreter = bool(sys.executable) and not getattr(sys, 'frozen', False)
     return (recording.size_bytes >= WORTHWHILE_BYTES and interpreter
@@ -303,10 +303,10 @@ def serve() -> None:
 def _fill(decoded: Iterator[tuple[ImuBlock, int]], slots: NDArray[np.void],
           report: Callable[[object], None]) -> None:
     """Copy blocks into slots as these become free, and report each."""
-    free = list(range(SLOTS))
+    free = list(range(_SLOTS))
     for block, position in larger_blocks(decoded):
-        for start in range(0, len(block), SLOT_MESSAGES):
-            part = block.part(slice(start, start + SLOT_MESSAGES))
+        for start in range(0, len(block), _SLOT_MESSAGES):
+            part = block.part(slice(start, start + _SLOT_MESSAGES))
             free += b'' if free else _returned_slots()
             slot = free.pop(0)
             for name, values in _arrays(slots[slot], len(part)).items():
@@ -316,7 +316,7 @@ def _fill(decoded: Iterator[tuple[ImuBlock, int]], slots: NDArray[np.void],
 
 def _returned_slots() -> bytes:
     """Wait for slots whose messages have been copied."""
-    slots = os.read(0, SLOTS)
+    slots = os.read(0, _SLOTS)
     if not slots:
         raise BrokenPipeError
     return slots
@@ -336,8 +336,8 @@ def _keep_memory() -> None:
 
 
 def _slots(memory: int) -> NDArray[np.void]:
-    """Map the shared memory as an array of `SLOTS` slots."""
-    return np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
+    """Map the shared memory as an array of `_SLOTS` slots."""
+    return np.frombuffer(mmap(memory, _SLOTS * _SLOT.itemsize), _SLOT)
 
 
 def _arrays(slot: np.void, messages: int) -> dict[str, NDArray[Any]]:

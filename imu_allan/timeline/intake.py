@@ -40,8 +40,10 @@ class NoAxes(ImuAllanError):
 
 def usable(memory: Memory, window: Window) -> Messages:
     """Drop duplicate and frozen messages, and mark those with unusable values."""
-    window = replace(window, header_ns=_clipped(window.header_ns),
-                     receive_ns=_clipped(window.receive_ns))
+    # Differences of stamps beyond these would overflow.
+    ends_ns = -2**61, 2**61
+    window = replace(window, header_ns=np.clip(window.header_ns, *ends_ns),
+                     receive_ns=np.clip(window.receive_ns, *ends_ns))
     decision, c = memory.decision, window.consumed
     # The usual case, in which several searches are not needed.
     all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
@@ -55,8 +57,8 @@ def usable(memory: Memory, window: Window) -> Messages:
     faulty = counts.header.add(window.header_ns[:c])
     counts.receive.add(window.receive_ns[:c])
     if faulty and decision.clock == 'header' and memory.options.clock == 'auto':
-        replace_header_clock(memory, window)
-    stamps, other = stamps_of(memory, window)
+        _replace_header_clock(memory, window)
+    stamps, other = _stamps_of(memory, window)
     samples, unusable = _values(memory, window, all_usable)
     void = repeats.spikes | unusable
     twice = (_twice(memory, window, stamps) | repeats.held) & ~(void | repeats.frozen)
@@ -89,11 +91,11 @@ def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
             '(covariance[0] is -1 or every value is NaN): choose another topic')
     memory.decision.present = present.tolist()
     memory.decision.not_finite = (declared & ~present).tolist()
-    choose_clock(window, memory.decision, memory.options)
+    _choose_clock(window, memory.decision, memory.options)
     memory.counts.header.first_ns = int(window.header_ns[0])
     memory.counts.receive.first_ns = int(window.receive_ns[0])
-    twice = _twice(memory, window, stamps_of(memory, window)[0])
-    measure_first_pace(memory, window, repeats, twice)
+    twice = _twice(memory, window, _stamps_of(memory, window)[0])
+    _measure_first_pace(memory, window, repeats, twice)
 
 
 def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
@@ -127,14 +129,7 @@ def _values(memory: Memory, window: Window, all_usable: bool) -> tuple[Array, Bo
     return np.where(used, window.samples, np.nan), np.any(used & ~there, axis=1)
 
 
-def _clipped(stamps: Stamps) -> Stamps:
-    """Return stamps whose differences do not overflow."""
-    farthest_ns = 2**61
-    within = -farthest_ns <= stamps.min() and stamps.max() <= farthest_ns
-    return stamps if within else np.clip(stamps, -farthest_ns, farthest_ns)
-
-
-def stamps_of(memory: Memory, window: Window) -> tuple[Stamps, Stamps]:
+def _stamps_of(memory: Memory, window: Window) -> tuple[Stamps, Stamps]:
     """Return the stamps of the chosen clock, and those of the other one."""
     if memory.decision.counted_only:
         interval = SECOND / (memory.options.rate_hz or 1.0)
@@ -147,7 +142,7 @@ def stamps_of(memory: Memory, window: Window) -> tuple[Stamps, Stamps]:
     return window.receive_ns, window.header_ns
 
 
-def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
+def _choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
     """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
     repeats = repeated(window.samples)
     flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
@@ -181,7 +176,7 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
     decision.clock = choice
 
 
-def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> None:
+def _measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> None:
     """Measure the pace by the first messages, or raise ImuAllanError if it cannot be right."""
     decision, options = memory.decision, memory.options
     pace = None if decision.counted_only else _pace_by_either(memory, window, repeats, twice)
@@ -208,11 +203,11 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     decision = memory.decision
     # For a polled sensor, only messages with new values show the pace.
     rows = ~(repeats.held | repeats.frozen | twice)
-    own, other = (stamps[rows] for stamps in stamps_of(memory, window))
+    own, other = (stamps[rows] for stamps in _stamps_of(memory, window))
     bursts = decision.separates_equal_stamps
     if repeats.evenly:
         polls = ~(repeats.frozen | twice)
-        polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))
+        polled, beside = (stamps[polls] for stamps in _stamps_of(memory, window))
         pace = _pace_of(polled, beside, bursts)
         if pace is not None and _is_full(polled, pace.interval_ns):
             # Removed repeats leave gaps on both clocks, but no sample is lost.
@@ -256,7 +251,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     return second
 
 
-def replace_header_clock(memory: Memory, window: Window) -> None:
+def _replace_header_clock(memory: Memory, window: Window) -> None:
     """Switch to receive stamps, in a new run, if header stamps have become unusable."""
     decision, cursor, repeats = memory.decision, memory.cursor, repeated(window.samples)
     flaw = flaw_of(window.header_ns, repeats, bursts=False)

@@ -72,7 +72,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         return Pace(float(np.median(steps)))
     overall = _even_with_outages(steps)
     if overall is None:
-        overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+        overall = _median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
         # Bursts fit every grid whose interval divides their distance.
         short = steps < 0.5 * overall
         # Half of the steps in pairs are short, more in longer bursts.
@@ -305,7 +305,7 @@ def _refine(time: Array, interval: float) -> Pace:
         phase = time / interval - np.arange(len(time))
         turn, spread = group_phases(phase)
         if len(turn) > 1:
-            lasts = median_interval(time, PHASE_GROUP) * PHASE_GROUP
+            lasts = _median_interval(time, PHASE_GROUP) * PHASE_GROUP
             interval *= 1 + float(np.median(np.diff(turn))) * interval / lasts
     return Pace(interval, spread)
 
@@ -320,7 +320,7 @@ def _on_a_line(time: Array) -> tuple[Pace, float]:
     """Fit a line with one sample per message; also return how far stamps lie off it."""
     n = len(time)
     place = np.arange(n, dtype=np.float64)
-    interval = (median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+    interval = (_median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
                 or float(time[-1]) / (n - 1))
     for _ in range(3):
         counted = place + lasting_jumps(time / interval - place)
@@ -426,7 +426,7 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     return slice(edges[at] * part, last)
 
 
-def median_interval(time: Array, apart: int) -> float:
+def _median_interval(time: Array, apart: int) -> float:
     """Return the interval from the median distance of messages that are `apart` messages apart."""
     return float(np.median(time[apart:] - time[:-apart])) / apart
 

@@ -203,9 +203,9 @@ def _put(memory: Memory, messages: Messages, steps: Ints) -> list[EvenBlock]:
             lasts = int(behind[at])
             counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
         left_out_ns, left_out = unpaced(behind, known, tolerated, memory.decision.pace)
-        blocks = even_blocks(memory.tail, messages.samples, steps,
-                             cursor.index + np.cumsum(known), elapsed, interval, tolerated,
-                             new_run)
+        blocks = _even_blocks(memory.tail, messages.samples, steps,
+                              cursor.index + np.cumsum(known), elapsed, interval, tolerated,
+                              new_run)
         counts.interpolated += sum(len(block.interpolated) for block in blocks)
     counts.missing += places - c - empty
     # Lateness and jitter are measured from some seconds of messages at common rates.
@@ -279,8 +279,8 @@ def interpolate(samples: Array, at: Ints, segment: Ints) -> Array:
     return means
 
 
-def even_blocks(tail: Array, samples: Array, steps: Ints, index: Ints, elapsed_ns: Ints,
-                interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
+def _even_blocks(tail: Array, samples: Array, steps: Ints, index: Ints, elapsed_ns: Ints,
+                 interval_ns: float, tolerated: int, new_run: bool) -> list[EvenBlock]:
     """Return the samples with an `index` as blocks; the others are only neighbours."""
     # `tail` holds the samples before. Steps of up to `tolerated` are interpolated, longer ones end
     # a block.

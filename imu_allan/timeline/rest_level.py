@@ -98,7 +98,7 @@ class Windows:
         last = [rows[None, -size:]] if segment.closed and complete < len(rows) else []
         for windows in (rows[done:complete].reshape(-1, size, 6), *last):
             if len(windows):
-                means, loudness = describe(windows, self.part)
+                means, loudness = _describe(windows, self.part)
                 segment.means = np.concatenate([segment.means, means])
                 segment.loudness = np.concatenate([segment.loudness, loudness])
 
@@ -118,7 +118,7 @@ class Windows:
         return beyond[first:]
 
 
-def describe(rows: Array, part: int) -> tuple[Array, Array]:
+def _describe(rows: Array, part: int) -> tuple[Array, Array]:
     """Return means (windows, 6) and loudness (windows, 12) of rows (windows, size, 6)."""
     # Loudness is the cube root of a variance: of that within parts, and of that of their means, as
     # the differences of successive parts give it. The cube root makes a chi-square variable nearly
@@ -163,7 +163,7 @@ _FINE = 0.7
 class Baseline:
     """Statistics of the windows of a sensor at rest."""
 
-    # Median and robust standard deviation of the loudness of a window, as `describe` returns it,
+    # Median and robust standard deviation of the loudness of a window, as `_describe` returns it,
     # shape (12,).
     loudness: Array
     spread: Array
@@ -221,7 +221,7 @@ class RestLevel(Record):
         if not full:
             return cls(Baseline(*np.split(np.full(36, np.inf), [12, 24, 30])))
         table = np.concatenate([segment.statistics(0, len(segment.means)) for segment in full])
-        resolution = np.min([resolution_of(segment.joined().samples[:8 * 1024])
+        resolution = np.min([_resolution_of(segment.joined().samples[:8 * 1024])
                              for segment in full[:4]], axis=0)
         still = ~np.concatenate([windows.implausible(segment, 0) for segment in full])
         # Before a sensor starts it repeats one value, which is no rest.
@@ -235,7 +235,7 @@ class RestLevel(Record):
         loudness = table[:, :12]
         # The quietest eighth of fewer is less than four windows, too few to give a spread.
         if len(table) >= 32:
-            baseline, rest = settle(table, resolution)
+            baseline, rest = _settle(table, resolution)
         else:
             # Here the quieter half is used, with the spread that follows from the number of
             # samples.
@@ -247,7 +247,7 @@ class RestLevel(Record):
                 return cls(baseline)
             rest = np.all(loudness <= baseline.loudest, axis=1)
             if np.count_nonzero(rest) >= fewest:
-                found = baseline_of(table[rest], resolution)
+                found = _baseline_of(table[rest], resolution)
                 baseline = replace(baseline, wander=found.wander)
         past = table[rest]
         return cls(baseline, baseline.loudness, past[~np.isnan(past).any(axis=1)])
@@ -266,7 +266,7 @@ class RestLevel(Record):
         smaller = known
         for window in (windows + segment.base - segment.given).tolist():
             near = rows[max(window - 1, 0) * size:(window + 2) * size]
-            smaller = np.minimum(smaller, resolution_of(near))
+            smaller = np.minimum(smaller, _resolution_of(near))
         if np.array_equal(smaller, known):
             return False
         self.baseline = replace(self.baseline, resolution=smaller)
@@ -307,7 +307,7 @@ class RestLevel(Record):
 
     def begin_at(self, segment: Segment, first: int, last: int) -> None:
         """Start a new baseline from the windows from array index `first` on."""
-        found = baseline_of(segment.statistics(first, last), self.baseline.resolution)
+        found = _baseline_of(segment.statistics(first, last), self.baseline.resolution)
         # A few windows give a spread only to within a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
                                 wander=2 * found.wander)
@@ -325,7 +325,7 @@ class RestLevel(Record):
         if len(self.news) >= 256:
             # With less than four minutes at rest, the threshold scatters.
             self.past, self.news = np.concatenate([self.past, self.news])[-512:], self.news[:0]
-            changes += self._adopt(baseline_of(self.past, self.baseline.resolution))
+            changes += self._adopt(_baseline_of(self.past, self.baseline.resolution))
         if len(self.lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
             self.lately = np.concatenate(
@@ -343,7 +343,7 @@ class RestLevel(Record):
         # At a new level, at least one window in twenty is classified as motion.
         if np.any(verdict > 1) or share < 0.05:
             return []
-        baseline, still = settle(self.lately[:, :18], self.baseline.resolution)
+        baseline, still = _settle(self.lately[:, :18], self.baseline.resolution)
         # Three times louder than rest is an engine, not the sensor. Chosen by judgment. An axis
         # that has only begun to give values had no level before.
         little = np.where(self.baseline.loudness > 0, QUIETER * self.baseline.loudest, np.inf)
@@ -370,7 +370,7 @@ class RestLevel(Record):
         return [most]
 
 
-def settle(windows: Array, resolution: Array) -> tuple[Baseline, Bools]:
+def _settle(windows: Array, resolution: Array) -> tuple[Baseline, Bools]:
     """Find the windows at rest, and their baseline."""
     # The set grows from the quietest eighth until there is a hole of many standard deviations in
     # the distribution of loudness. Wander is NaN at the ends of a segment.
@@ -390,7 +390,7 @@ def settle(windows: Array, resolution: Array) -> tuple[Baseline, Bools]:
             louder[dead.any(axis=1)] = np.inf
         rest = louder <= np.percentile(louder[np.isfinite(louder)], quietest)
     for _ in range(50):
-        baseline = baseline_of(windows[rest], resolution)
+        baseline = _baseline_of(windows[rest], resolution)
         grown = np.all(loudness <= baseline.loudest, axis=1)
         if np.array_equal(grown, rest):
             break
@@ -398,7 +398,7 @@ def settle(windows: Array, resolution: Array) -> tuple[Baseline, Bools]:
     return baseline, rest
 
 
-def baseline_of(windows: Array, resolution: Array) -> Baseline:
+def _baseline_of(windows: Array, resolution: Array) -> Baseline:
     """Describe windows at rest, shape (n, 18), by medians."""
     median, dead = np.median, _dead(windows, resolution)
     if dead.any():
@@ -427,7 +427,7 @@ def _dead(windows: Array, resolution: Array) -> Bools:
     return dead
 
 
-def resolution_of(samples: Array) -> Array:
+def _resolution_of(samples: Array) -> Array:
     """Return the smallest change between neighbours of each axis, infinite if there is none."""
     change = np.abs(np.diff(samples, axis=0))
     change[change == 0] = np.inf

@@ -88,7 +88,7 @@ def summarize(memory: Memory) -> TimelineSummary:
     # With 'keep', motion is only detected, not cut out.
     motion = (MotionSummary() if memory.motion is None or memory.options.motion == 'keep'
               else memory.motion.summary)
-    remarks = tuple(remarks_of(memory))
+    remarks = tuple(_remarks_of(memory))
     measured = _measured_rate(counts, decision, cursor.late_ns)
     rate = memory.options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
@@ -134,7 +134,7 @@ def _measured_rate(counts: Counts, decision: Decision, late_ns: float) -> float 
     return counts.paced_steps / passed * SECOND
 
 
-def remarks_of(memory: Memory) -> Iterator[Finding]:
+def _remarks_of(memory: Memory) -> Iterator[Finding]:
     """Yield the findings; one about the recording as a whole comes once for each code."""
     for name, no_number in zip(AXES, memory.decision.not_finite, strict=True):
         if no_number:

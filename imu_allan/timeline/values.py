@@ -16,7 +16,7 @@ from imu_allan.state import Record
 from imu_allan.timeline.stamps import count_in_runs, off_a_line
 import numpy as np
 
-FROZEN_RUN = 24
+_FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
 
 
@@ -88,24 +88,24 @@ class Content(Record):
                 continue
             same &= values[1:] == values[:-1]
             begins_anew |= bool(values[0] != self.last[axis])
-            if begins_anew and np.count_nonzero(same) < FROZEN_RUN and not same[-1:].any():
+            if begins_anew and np.count_nonzero(same) < _FROZEN_RUN and not same[-1:].any():
                 return True
         return False
 
     def spikes(self, samples: Array) -> Bools:
-        """Find isolated outliers, as `imu_allan.timeline.values.spikes` does."""
+        """Find isolated outliers, by the noise of the sensor."""
         # What is beyond all numbers is no noise with which later samples may be compared.
         last = np.clip(self.last, -LARGEST, LARGEST) if self.last else None
         steps = np.empty_like(samples)
         steps[0] = 0.0 if last is None else samples[0] - last
         np.subtract(samples[1:], samples[:-1], out=steps[1:])
         # Fewer samples do not give the noise with which an outlier is compared.
-        if len(samples) < 8 or (self.noise and not may_have_outlier(steps, np.array(self.noise))):
+        if len(samples) < 8 or (self.noise and not _may_have_outlier(steps, np.array(self.noise))):
             return np.zeros(len(samples), dtype=bool)
         # After a change of the noise level, the full search is needed only once.
-        noise = noise_of_steps(steps)
+        noise = _noise_of_steps(steps)
         self.noise = noise.tolist()
-        return spikes(samples, last, noise)
+        return _outliers(samples, last, noise)
 
     def look(self, samples: Array, consumed: int, all_usable: bool) -> Repeats:
         """Find held and frozen messages and outliers; only the first `consumed` count."""
@@ -122,7 +122,7 @@ class Content(Record):
         fresh = ~same[:consumed]
         fresh[0] &= not first
         run, whole = count_in_runs(same, self.run)
-        long = same & (whole >= FROZEN_RUN)
+        long = same & (whole >= _FROZEN_RUN)
         self.changes += int(np.count_nonzero(fresh))
         self.changed = [a + int(b) for a, b in
                         zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
@@ -213,7 +213,7 @@ def _line_at_half(values: Array, own: Bools) -> tuple[Bools, Bools]:
     return line & own, own & (quarter <= threshold * level)
 
 
-def noise_of_steps(steps: Array) -> Array:
+def _noise_of_steps(steps: Array) -> Array:
     """Estimate the noise of each axis from its steps; infinite if all of them are zero."""
     # Zero steps do not count, so that held or coarse outputs have noise.
     made = [np.abs(values[values != 0]) for values in steps.T]
@@ -224,14 +224,14 @@ def noise_of_steps(steps: Array) -> Array:
     return sigma
 
 
-def may_have_outlier(steps: Array, sigma: Array) -> bool:
+def _may_have_outlier(steps: Array, sigma: Array) -> bool:
     """Return quickly whether any step is large enough to lead to an outlier."""
     # Even on a ramp, an outlier is reached by a step of at least 0.7 of its distance.
     largest = 7.0 * sigma
     return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
-def spikes(samples: Array, before: Array | None, noise: Array) -> Bools:
+def _outliers(samples: Array, before: Array | None, noise: Array) -> Bools:
     """Find single samples and pairs that lie far from their neighbours."""
     # They are not outliers where nearby samples are some, too, or louder than noise: that is a
     # knock.

@@ -87,14 +87,14 @@ class TableLog(FileRecording):
             if name == imu.topic:
                 # The timeline rejects values of a damaged log that are not finite.
                 with np.errstate(invalid='ignore', over='ignore'):
-                    columns = extract(fields, (), records, times_of(records, fields), malformed)
+                    columns = extract(fields, (), records, _times_of(records, fields), malformed)
                     samples = columns['samples'] * np.repeat(imu.messages.factors, 3)
                 times = columns['receive_ns']
                 yield ImuBlock(times, times, samples, columns['absent'], ''), position
         malformed.report(imu, self.remark)
 
 
-def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
+def _lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
     """Return the first required field that is missing or not numeric; None if all are there."""
     needed = [*others, *sorted(fields.needed())]
     if _stamp(layout, fields) is None:
@@ -109,17 +109,17 @@ def lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | Non
                  or shapes[name] != (length if name in bursts else ())), None)
 
 
-def has_temperature(layout: np.dtype[Any], fields: ImuFields) -> bool:
+def _has_temperature(layout: np.dtype[Any], fields: ImuFields) -> bool:
     """Return whether records hold the temperature, as a number."""
     thermometer = fields.thermometer()
-    return thermometer is not None and lacking(layout, thermometer) is None
+    return thermometer is not None and _lacking(layout, thermometer) is None
 
 
 def _stamp(layout: np.dtype[Any], fields: ImuFields) -> Stamp | None:
     return next((stamp for stamp in fields.stamps if stamp.path in (layout.names or ())), None)
 
 
-def times_of(records: Records, fields: ImuFields) -> Ints:
+def _times_of(records: Records, fields: ImuFields) -> Ints:
     """Return the stamps of records in nanoseconds."""
     stamp = _stamp(records.dtype, fields)
     assert stamp is not None
@@ -151,7 +151,7 @@ class UlogRecording(TableLog):
         reader = _LogReader(set(_TYPES))
         for name, records, _ in self._tables(reader):
             fields = KNOWN[_type_of(name)]
-            times = times_of(records, fields)
+            times = _times_of(records, fields)
             messages, samples, first, *_ = seen.get(name, (0, 0, int(times[0])))
             samples += len(records) if fields.burst is None else int(
                 records[fields.burst.samples].astype(np.int64).sum())
@@ -170,7 +170,7 @@ class UlogRecording(TableLog):
             imu = ImuTopic(name, messages, ImuMessages(
                 _type_of(name), factors=options.factors, fields=replace(
                     fields, what='as logged',
-                    temperature=fields.temperature if has_temperature(layout, fields) else None)))
+                    temperature=fields.temperature if _has_temperature(layout, fields) else None)))
             imus.append((imu, (samples - 1) * 1e9 / (last - first) if last > first else 0.0))
             self.list_own_thermometer(imu)
         # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
@@ -275,7 +275,7 @@ class _LogReader:
         layout = _layout(self._formats[name])
         full = f'{name}.{body[0]}' if body[0] else name
         # Every PX4 topic has a timestamp.
-        if (lack := lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
+        if (lack := _lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
             self.reasons[full] = f'its format has no field {lack}'
             return
         self._sizes[number] = 2 + layout.itemsize
@@ -329,8 +329,8 @@ class ArduPilotRecording(TableLog):
         self._kinds = self._located()
         for base in _FIELDS:
             for name, records, _ in self._tables(base):
-                times.setdefault(name, []).append(times_of(records, _FIELDS[base]))
-                if has_temperature(records.dtype, _FIELDS[base]):
+                times.setdefault(name, []).append(_times_of(records, _FIELDS[base]))
+                if _has_temperature(records.dtype, _FIELDS[base]):
                     warm.add(name)
         thermometer = _FIELDS['IMU'].thermometer()
         imus = []
@@ -382,7 +382,7 @@ class ArduPilotRecording(TableLog):
                     starts = starts[starts + form.len <= self.size_bytes]
                     if not len(starts):
                         continue
-                    if (lack := lacking(layout, _FIELDS[name])) is not None:
+                    if (lack := _lacking(layout, _FIELDS[name])) is not None:
                         reason = f'its format (FMT) has no usable field {lack}'
                     elif layout.itemsize != form.len - _MESSAGE_HEAD:
                         reason = 'the fields of its format (FMT) do not add up to its length'

@@ -20,7 +20,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 from imu_allan.sensor.units import convert
 
-EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
+_EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 """A header line that needs no option."""
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
@@ -146,7 +146,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     nanoseconds.
     """
     delimiter, cells = cells_of(header)
-    names = [name_of(cell) for cell in cells]
+    names = [_name_of(cell) for cell in cells]
     # Without a header line, numbers given by the user are positions, even if a cell equals one.
     headless = any(map(is_number, cells)) and not any(name.meaning for name in names)
     chosen = _chosen(options.columns, ['' if headless else name.cell for name in names])
@@ -177,7 +177,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
             f'the header line names none of the axes {", ".join(AXES)} ({shown}). A CSV recording '
-            f'begins with a line such as {EXAMPLE}, with units as in gyro_x [deg/s]. '
+            f'begins with a line such as {_EXAMPLE}, with units as in gyro_x [deg/s]. '
             '--columns gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number '
             'from 1')
     read = {*of_axes, *times} | ({clock.column, clock.nanoseconds} if clock else set())
@@ -211,7 +211,7 @@ def _no_header(cells: Sequence[str]) -> str:
     example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
     return (f'no line names the {len(cells)} columns. Say what they are, such as --columns '
             f"{example} if that is their order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or "
-            f'write a first line such as {EXAMPLE}')
+            f'write a first line such as {_EXAMPLE}')
 
 
 # ----------------------------------------------------------------------------- the user's names
@@ -254,7 +254,7 @@ def _columns_named(text: str, names: Sequence[str]) -> list[int]:
 
 # -------------------------------------------------------------------------------- names and units
 
-def name_of(cell: str) -> Name:
+def _name_of(cell: str) -> Name:
     """Determine what a cell of a header line says of its column."""
     # Column names are shorter. Collapsed blanks and limited length keep the regular expression
     # from excessive backtracking.
@@ -288,7 +288,7 @@ def is_rest_of_imu(cell: str) -> bool:
     return re.fullmatch(
         r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
         r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)',
-        name_of(cell).name.lower()) is not None
+        _name_of(cell).name.lower()) is not None
 
 
 def _split_seconds(names: Sequence[Name]) -> Iterator[Clock]:

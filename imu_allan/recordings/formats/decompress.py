@@ -36,7 +36,7 @@ class DamagedData(ValueError):
     """Data that contradicts its declaration; the message gives the reason."""
 
 
-def declared_size(head: bytes) -> int:
+def _declared_size(head: bytes) -> int:
     """Return the size declared by a zstd frame that begins with `head`; 0 if undeclared."""
     try:
         return max(zstandard.frame_content_size(head), 0)
@@ -133,7 +133,7 @@ def _unpacked_message(message: bytes, limits: ReadingLimits) -> bytes:
     # data.
     most = 1 << 16
     try:
-        limits.expand(declared_size(message) or most)
+        limits.expand(_declared_size(message) or most)
         return _unzstd(message, most)
     except (DamagedData, zstandard.ZstdError, MemoryError):
         return b''
@@ -165,7 +165,7 @@ def _unpack(path: Path, stored: Path) -> str:
     damage = ''
     with path.open('rb') as file, stored.open('wb') as out:
         # Magic number and frame header of zstd have at most 4 + 14 bytes (RFC 8878, 3.1.1.1).
-        declared = declared_size(file.read(18))
+        declared = _declared_size(file.read(18))
         file.seek(0)
         stream = STREAMS['zstd'](file)
         try:

@@ -59,8 +59,6 @@ try:
 except ImportError:
     from zlib import crc32
 
-MAGIC = b'\x89MCAP0\r\n'
-
 Record = TypeVar('Record')
 _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
@@ -70,15 +68,15 @@ _KINDS: Mapping[int, Kind | None] = {
     0: None, Opcode.CHUNK: 'chunk', Opcode.MESSAGE_INDEX: 'index',
     **dict.fromkeys((Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL), 'message'),
     **dict.fromkeys((Opcode.DATA_END, Opcode.FOOTER), 'end')}
-RECORD_HEAD = 9
+_RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
 _HEAD = np.dtype([('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('number', '<u4'),
                   ('log_ns', '<i8'), ('publish_ns', '<i8')])
 """What precedes the data of a message (MCAP, op 0x05)."""
-_KEY = RECORD_HEAD + 2
+_KEY = _RECORD_HEAD + 2
 """Bytes of opcode, length and channel, which equal records share."""
-OPCODE_LENGTH = Struct('<BQ')
+_OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL), *range(0x80, 0x100)})
 """Records beside messages: descriptions, and private ones of a program, to be passed over."""
@@ -87,7 +85,7 @@ _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL), *range(0x80,
 class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
-    _magic = MAGIC
+    _magic = b'\x89MCAP0\r\n'
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
@@ -105,19 +103,19 @@ class McapRecording(ChunkedRecording):
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read channels, counts and chunk offsets from the summary; return False without one."""
-        if file.read(len(MAGIC)) != MAGIC:
+        if file.read(len(self._magic)) != self._magic:
             raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
-        footer_size = RECORD_HEAD + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
-        footer_at = self.size_bytes - footer_size - len(MAGIC)
-        if footer_at < len(MAGIC):
+        footer_size = _RECORD_HEAD + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
+        footer_at = self.size_bytes - footer_size - len(self._magic)
+        if footer_at < len(self._magic):
             return False
         file.seek(footer_at)
-        tail = file.read(footer_size + len(MAGIC))
-        opcode, length = OPCODE_LENGTH.unpack_from(tail)
-        if opcode != Opcode.FOOTER or length != 20 or tail[-len(MAGIC):] != MAGIC:
+        tail = file.read(footer_size + len(self._magic))
+        opcode, length = _OPCODE_LENGTH.unpack_from(tail)
+        if opcode != Opcode.FOOTER or length != 20 or tail[-len(self._magic):] != self._magic:
             return False
-        footer = _parsed(Footer.read, tail[RECORD_HEAD:footer_size])
-        if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
+        footer = _parsed(Footer.read, tail[_RECORD_HEAD:footer_size])
+        if footer is None or not len(self._magic) <= footer.summary_start < footer_at:
             return False
         # Two million indexes of 100 bytes. A larger summary is not loaded; the file is scanned
         # instead.
@@ -129,10 +127,10 @@ class McapRecording(ChunkedRecording):
                 tail[:footer_size - 4], crc32(summary)):
             return False
         at = 0
-        while len(summary) - at >= RECORD_HEAD:
-            opcode, length = OPCODE_LENGTH.unpack_from(summary, at)
-            body = summary[at + RECORD_HEAD:at + RECORD_HEAD + length]
-            at += RECORD_HEAD + length
+        while len(summary) - at >= _RECORD_HEAD:
+            opcode, length = _OPCODE_LENGTH.unpack_from(summary, at)
+            body = summary[at + _RECORD_HEAD:at + _RECORD_HEAD + length]
+            at += _RECORD_HEAD + length
             if opcode == Opcode.STATISTICS and len(body) <= LARGEST_DESCRIPTION:
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
@@ -173,9 +171,9 @@ class McapRecording(ChunkedRecording):
 
     def _head(self, file: BinaryIO, at: int) -> Part:
         file.seek(at)
-        head = file.read(RECORD_HEAD)
-        opcode, length = OPCODE_LENGTH.unpack(head) if len(head) == RECORD_HEAD else (0, 0)
-        kind, start = _KINDS.get(opcode, 'other'), at + RECORD_HEAD
+        head = file.read(_RECORD_HEAD)
+        opcode, length = _OPCODE_LENGTH.unpack(head) if len(head) == _RECORD_HEAD else (0, 0)
+        kind, start = _KINDS.get(opcode, 'other'), at + _RECORD_HEAD
         stop = start + length
         if kind == 'index':
             number = int.from_bytes(file.read(2), 'little')
@@ -236,9 +234,9 @@ def gather(
     at, end = 0, len(buffer)
     # Use the message index after this many records that are not in a run.
     steps_left = 32
-    while end - at >= RECORD_HEAD:
-        opcode, length = OPCODE_LENGTH.unpack_from(buffer, at)
-        stride = RECORD_HEAD + length
+    while end - at >= _RECORD_HEAD:
+        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
+        stride = _RECORD_HEAD + length
         if stride > end - at:
             break
         if opcode == _MESSAGE:
@@ -248,7 +246,7 @@ def gather(
             # Two probes are cheap; comparing a whole run is not.
             run = (buffer[at + stride:at + stride + _KEY] == key
                    and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
-            count = equal_records(buffer, at, stride) if run else 1
+            count = _equal_records(buffer, at, stride) if run else 1
             if not run and index is not None:
                 steps_left -= 1
                 if steps_left == 0:
@@ -260,7 +258,7 @@ def gather(
                         batches += [_collected(buffer, scattered),
                                     _collected(buffer, places[chosen])]
                         return chain.from_iterable(batches), end
-            if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
+            if int.from_bytes(key[_RECORD_HEAD:], 'little') in wanted:
                 if run:
                     if scattered:
                         batches.append(_collected(buffer, scattered))
@@ -271,7 +269,7 @@ def gather(
                     scattered.append(at)
             at += count * stride
         elif opcode in _DESCRIPTIONS:
-            describe(opcode, buffer[at + RECORD_HEAD:at + stride])
+            describe(opcode, buffer[at + _RECORD_HEAD:at + stride])
             at += stride
         else:
             break
@@ -279,7 +277,7 @@ def gather(
     return chain.from_iterable(batches), at
 
 
-def equal_records(buffer: bytes, at: int, stride: int) -> int:
+def _equal_records(buffer: bytes, at: int, stride: int) -> int:
     """Count records from `at` on, spaced by `stride`, of equal opcode, length and channel."""
     most = (len(buffer) - at) // stride
     end = at + (most - 1) * stride
@@ -308,9 +306,9 @@ def _verified(
         return None
     lengths = heads['length'][places].astype(np.int64)
     if ((heads['opcode'][places] != _MESSAGE).any()
-            or lengths.min() < _HEAD.itemsize - RECORD_HEAD or lengths.max() > len(buffer)):
+            or lengths.min() < _HEAD.itemsize - _RECORD_HEAD or lengths.max() > len(buffer)):
         return None
-    starts, stops = np.append(places, len(buffer)), np.append(at, places + RECORD_HEAD + lengths)
+    starts, stops = np.append(places, len(buffer)), np.append(at, places + _RECORD_HEAD + lengths)
     gaps = np.flatnonzero(starts != stops)
     if all(_only_descriptions(buffer, stop, start, describe)
            for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True)):
@@ -323,11 +321,11 @@ def _only_descriptions(
 ) -> bool:
     """Return whether only whole records lie between two messages."""
     while at < stop:
-        opcode, length = OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
+        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
         if opcode not in _DESCRIPTIONS:
             return False
-        describe(opcode, buffer[at + RECORD_HEAD:at + RECORD_HEAD + length])
-        at += RECORD_HEAD + length
+        describe(opcode, buffer[at + _RECORD_HEAD:at + _RECORD_HEAD + length])
+        at += _RECORD_HEAD + length
     return at == stop
 
 
@@ -336,7 +334,7 @@ def _collected(buffer: bytes, offsets: list[int] | Ints) -> Iterator[MessageBatc
     places = np.array(offsets, np.int64)
     lengths = anywhere(buffer, _HEAD)['length'][places]
     for start, stop in runs(np.diff(lengths) != 0, len(places)):
-        yield _batch(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
+        yield _batch(collect(buffer, places[start:stop], _RECORD_HEAD + int(lengths[start])))
 
 
 def _batch(records: NDArray[np.uint8]) -> MessageBatch:

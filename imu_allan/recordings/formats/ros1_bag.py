@@ -37,8 +37,6 @@ from imu_allan.recordings.formats.decompress import DamagedData, expanded, Readi
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
 
-MAGIC = b'#ROSBAG V2.0\n'
-
 _CHUNK_INFO, _CONNECTION = b'\x06', b'\x07'
 _KINDS: Mapping[bytes, Kind] = {
     b'\x04': 'index', b'\x05': 'chunk', _CHUNK_INFO: 'end', _CONNECTION: 'end'}
@@ -52,7 +50,7 @@ _Fields = dict[str, bytes]
 class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
-    _magic = MAGIC
+    _magic = b'#ROSBAG V2.0\n'
 
     def _batches(self, reading: Reading, part: Part) -> tuple[Iterable[MessageBatch], str]:
         buffer = _chunk_data(reading.file, part, reading.limits)
@@ -71,16 +69,16 @@ class Ros1Recording(ChunkedRecording):
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read connections and counts from the end of the bag; return False if it lacks them."""
-        magic = file.read(len(MAGIC))
-        if MAGIC.startswith(magic) and magic != MAGIC:
+        magic = file.read(len(self._magic))
+        if self._magic.startswith(magic) and magic != self._magic:
             raise ImuAllanError(f'{printable(self.path)}: cut short within its first line; copy '
                                 'it again')
-        if magic != MAGIC:
+        if magic != self._magic:
             version = magic[9:12].decode('ascii', 'replace').strip()
             raise ImuAllanError(
                 f'{printable(self.path)}: ROS bag version {printable(version)} is not supported; '
                 'convert it to 2.0 with: rosbag fix')
-        bag_header = _record(file, len(MAGIC), self.size_bytes)
+        bag_header = _record(file, len(self._magic), self.size_bytes)
         if bag_header is None:
             return False
         if bag_header.fields.get('encryptor'):

@@ -77,7 +77,7 @@ def imus_in(
     if options.temperature is not None:
         # The temperature may be a topic instead of a field.
         with suppress(ImuAllanError):
-            number_at(types, kind, options.temperature, '--temperature')
+            _number_at(types, kind, options.temperature, '--temperature')
             found = {name: replace(fields, temperature=options.temperature)
                      for name, fields in found.items()}
     return {name: ImuMessages(kind, serialization, fields, types, factors)
@@ -96,7 +96,7 @@ def thermometer_in(type_name: str, serialization: Serialization, definition: Def
     """Describe how to read sensor_msgs/Temperature messages, in degrees Celsius."""
     kind = normal_name(type_name)
     types = _types(kind, serialization, definition, RecordingOptions())
-    stamps, frame_id = own_clock(types, kind)
+    stamps, frame_id = _own_clock(types, kind)
     fields = ImuFields(None, None, stamps, frame_id, temperature='temperature').thermometer()
     return ImuMessages(kind, serialization, fields, types)
 
@@ -129,11 +129,11 @@ def imu_messages(type_name: str, definition: str | Types,
     found = imus_in('', type_name, 'cdr', known, options)
     if len(found) > 1:
         raise ImuAllanError(
-            f'type {shown(type_name)} holds {len(found)} IMUs '
+            f'type {_shown(type_name)} holds {len(found)} IMUs '
             f'({", ".join(name[1:] for name in found)}); name the fields of one with --gyro and '
             '--accel')
     if not found:
-        raise ImuAllanError(f'type {shown(type_name)} holds no samples of an IMU that are known; '
+        raise ImuAllanError(f'type {_shown(type_name)} holds no samples of an IMU that are known; '
                             'name the fields that hold them with --gyro and --accel')
     [messages] = found.values()
     return messages
@@ -154,7 +154,7 @@ def _definition_of(kind: str, serialization: Serialization, carried: Definition 
         found = outer if kind in outer else None
     if found is None:
         raise ImuAllanError(
-            f'the definition of {shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
+            f'the definition of {_shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
             'Iron carry none); name its .msg files with --definitions')
     return found
 
@@ -163,7 +163,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
     """Remove optional fields that this version of the type lacks; an error if samples lack."""
     def has(path: str) -> bool:
         try:
-            field_at(types, kind, path, '')
+            _field_at(types, kind, path, '')
         except ImuAllanError:
             return False
         return True
@@ -171,7 +171,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
     for path in sorted(fields.needed()):
         if not has(path):
             raise ImuAllanError(
-                f'{shown(kind)} has no field {split_path(path)[0]} in the definition that comes '
+                f'{_shown(kind)} has no field {split_path(path)[0]} in the definition that comes '
                 'with it; name the fields with --gyro and --accel')
     paths = [vector.paths[0].rpartition('.x')[0] or split_path(vector.paths[0])[0]
              for _, vector in fields.vectors()]
@@ -185,15 +185,15 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
 def _chosen(types: Types, kind: str, gyro: str | None, accel: str | None, stamp: str | None,
             ) -> ImuFields:
     """Return the fields that the user names."""
-    stamps, frame_id = own_clock(types, kind)
+    stamps, frame_id = _own_clock(types, kind)
     if stamp is not None:
-        stamps = (stamp_of(types, kind, stamp),)
+        stamps = (_stamp_of(types, kind, stamp),)
     return ImuFields(
-        None if gyro is None else vector_of(types, kind, gyro, '--gyro', RAD_PER_S),
-        None if accel is None else vector_of(types, kind, accel, '--accel', M_PER_S2),
+        None if gyro is None else _vector_of(types, kind, gyro, '--gyro', RAD_PER_S),
+        None if accel is None else _vector_of(types, kind, accel, '--accel', M_PER_S2),
         stamps, frame_id,
         what='its fields ' + ' and '.join(
-            shown(text) for text in (gyro, accel) if text is not None))
+            _shown(text) for text in (gyro, accel) if text is not None))
 
 
 def found_by_shape(types: Types, type_name: str) -> dict[str, ImuFields]:
@@ -212,7 +212,7 @@ def found_by_shape(types: Types, type_name: str) -> dict[str, ImuFields]:
             raise ImuAllanError(f'its type holds more than {most} messages, too many to '
                                 'search for an IMU; name the fields with --gyro and --accel')
         fields = {field.name: field for field in types.get(kind, ())}
-        stamps, frame_id = own_clock(types, kind, path)
+        stamps, frame_id = _own_clock(types, kind, path)
         here = replace(
             around, stamps=stamps + around.stamps, frame_id=frame_id or around.frame_id,
             temperature=next((f'{path}{name}' for name in (
@@ -259,8 +259,8 @@ def _is_number(field: Field) -> bool:
     return not field.is_message and field.kind != 'string' and field.count is None
 
 
-def own_clock(types: Types, type_name: str, path: str = '',
-              ) -> tuple[tuple[Stamp, ...], str | None]:
+def _own_clock(types: Types, type_name: str, path: str = '',
+               ) -> tuple[tuple[Stamp, ...], str | None]:
     """Find the stamps and the frame_id among the direct fields of a message."""
     stamps: list[Stamp] = []
     frame_id = None
@@ -276,7 +276,7 @@ def own_clock(types: Types, type_name: str, path: str = '',
     return tuple(stamps), frame_id
 
 
-def vector_of(types: Types, type_name: str, text: str, what: str, si_unit: str) -> Vector:
+def _vector_of(types: Types, type_name: str, text: str, what: str, si_unit: str) -> Vector:
     """Find the vector that a user names, and perhaps its unit, such as ``imu.rate deg/s``."""
     path, _, unit = text.strip().partition(' ')
     return Vector(_three_numbers(types, type_name, path, what),
@@ -288,69 +288,69 @@ def _three_numbers(types: Types, type_name: str, text: str, what: str) -> tuple[
     parts = tuple(part.strip() for part in text.split(','))
     if len(parts) == 3:
         for part in parts:
-            number_at(types, type_name, part, what)
+            _number_at(types, type_name, part, what)
         return parts[0], parts[1], parts[2]
     match = re.fullmatch(r'(.*)\[(\d{1,6}):(\d{1,6})\]', text)
     path = match[1] if match else text
     start, stop = (int(match[2]), int(match[3])) if match else (0, 3)
-    field = field_at(types, type_name, path, what)
+    field = _field_at(types, type_name, path, what)
     if match is None and _is_vector(types, field):
         return _components(path)
     is_array = not field.is_message and field.kind != 'string' and field.count is not None
     if not is_array or stop - start != 3 or (field.count and stop > field.count) or (
             match is None and field.count != 3):
         raise ImuAllanError(
-            f'{what} {shown(text)}: not three numbers in {shown(type_name)}; name a field with '
+            f'{what} {_shown(text)}: not three numbers in {_shown(type_name)}; name a field with '
             'x, y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz')
     return f'{path}[{start}]', f'{path}[{start + 1}]', f'{path}[{start + 2}]'
 
 
-def stamp_of(types: Types, kind: str, text: str) -> Stamp:
+def _stamp_of(types: Types, kind: str, text: str) -> Stamp:
     """Find the time that a user names: a number with its unit, or seconds and nanoseconds."""
     path, _, unit = text.strip().partition(' ')
-    field = field_at(types, kind, path, '--stamp')
+    field = _field_at(types, kind, path, '--stamp')
     if field.is_message:
         if {part.name for part in types.get(field.kind, ())} == {*TIME}:
             return Stamp(path)
-        raise ImuAllanError(f'--stamp {shown(text)}: not a time in {shown(kind)}')
+        raise ImuAllanError(f'--stamp {_shown(text)}: not a time in {_shown(kind)}')
     unit_ns = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}.get(unit.strip())
     if unit_ns is None or not _is_number(field):
-        raise ImuAllanError(f'--stamp {shown(text)}: name a number and its unit (s, ms, us or '
+        raise ImuAllanError(f'--stamp {_shown(text)}: name a number and its unit (s, ms, us or '
                             'ns), or a field with seconds and nanoseconds')
     return Stamp(path, unit_ns)
 
 
-def number_at(types: Types, type_name: str, path: str, what: str) -> None:
+def _number_at(types: Types, type_name: str, path: str, what: str) -> None:
     """Raise ImuAllanError unless `path` is a single number."""
-    if not _is_number(field_at(types, type_name, path, what)):
-        raise ImuAllanError(f'{what} {shown(path)}: not a number in {shown(type_name)}')
+    if not _is_number(_field_at(types, type_name, path, what)):
+        raise ImuAllanError(f'{what} {_shown(path)}: not a number in {_shown(type_name)}')
 
 
-def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
+def _field_at(types: Types, type_name: str, path: str, what: str) -> Field:
     """Return the field at a dotted path; ImuAllanError lists the existing fields."""
     # Generous for eight levels of names with 100 characters.
     if len(path) > 1000 or re.fullmatch(
             r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*', path) is None:
-        raise ImuAllanError(f'{what} {shown(path)}: not a field path such as imu.gyro[0:3]')
+        raise ImuAllanError(f'{what} {_shown(path)}: not a field path such as imu.gyro[0:3]')
     field = Field('', type_name, True, None)
     for part in path.split('.'):
         if not field.is_message or field.count is not None:
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.name)} has no fields of its '
-                                'own')
+            raise ImuAllanError(f'{what} {_shown(path)}: {_shown(field.name)} has no fields of '
+                                'its own')
         name, number = split_path(part)
         fields = {each.name: each for each in types.get(field.kind, ())}
         if name not in fields:
-            known = ', '.join(shown(name) for name in list(fields)[:10])
-            raise ImuAllanError(f'{what} {shown(path)}: {shown(field.kind)} has no field '
-                                f'{shown(name)}; it has {known or "none"}')
+            known = ', '.join(_shown(name) for name in list(fields)[:10])
+            raise ImuAllanError(f'{what} {_shown(path)}: {_shown(field.kind)} has no field '
+                                f'{_shown(name)}; it has {known or "none"}')
         field = fields[name]
         if name != part:
             if field.count is None or (field.count and number >= field.count):
-                raise ImuAllanError(f'{what} {shown(path)}: {shown(name)} has no such element')
+                raise ImuAllanError(f'{what} {_shown(path)}: {_shown(name)} has no such element')
             field = replace(field, count=None)
     return field
 
 
-def shown(text: str) -> str:
+def _shown(text: str) -> str:
     """Format text from elsewhere so that it is printable and short."""
     return brief(text, 80)
