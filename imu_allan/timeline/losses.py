@@ -22,7 +22,7 @@ EVEN_JITTER = 0.25
 """Steps this close to a whole number of intervals need no further analysis."""
 
 
-def count_steps(places: Array, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
+def count_steps(places: Array, pace: Pace, late: float, new_run: bool) -> Ints:
     """Count the grid steps to each message from the one before, 1 where nothing is missing."""
     # `places` are stamps in intervals; 0 is the place of the last sample, whose stamp is `late`.
     # The phase of a new run rests on its first message alone, which may be late.
@@ -39,7 +39,7 @@ def count_steps(places: Array, pace: Pace, late: float = 0.0, new_run: bool = Fa
     phase = places - np.arange(1, len(places) + 1)
     missing = None if pace.counting else _missing_by_phase(phase, new_run)
     if missing is None:
-        missing = lasting_jumps(phase, None if new_run else 0.0)
+        missing = lasting_jumps(phase, new_run)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
 

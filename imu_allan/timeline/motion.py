@@ -20,7 +20,7 @@ from imu_allan.state import Record
 from imu_allan.timeline.rest_level import QUIETER, RestLevel, Segment, Windows
 import numpy as np
 
-_LEAST = np.array([0.004] * 3 + [0.04] * 3)
+_LEAST_TURN = np.array([0.004] * 3 + [0.04] * 3)
 """In rad/s and m/s^2: no bias moves this far and back within two minutes. Chosen by judgment."""
 
 
@@ -49,7 +49,7 @@ class SlowTurns(Record):
                 self.sums, self.windows = np.zeros(6), 0
         # Where all are near each other, none of the new ones is back from an excursion.
         suspect = bool(new) and bool((np.ptp(np.vstack([self.blocks, new])[:, 1:], axis=0)
-                                      > _LEAST).any())
+                                      > _LEAST_TURN).any())
         for block in new:
             # A mean that takes more than 32 blocks, two minutes, to come back is drift.
             self.blocks = np.vstack([self.blocks[-31:], block])
@@ -65,7 +65,7 @@ class SlowTurns(Record):
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
         # A random walk does not jump by 14 times its usual change.
-        far = np.abs(size) > np.maximum(_LEAST, 14.0 * usual)
+        far = np.abs(size) > np.maximum(_LEAST_TURN, 14.0 * usual)
         for axis in np.flatnonzero(far.any(axis=0)).tolist():
             away = np.flatnonzero(far[:, axis])
             peak = float(size[away[np.argmax(np.abs(size[away, axis]))], axis])

@@ -358,17 +358,17 @@ def _hidden(residual: Array, apart: int, errors: float) -> float:
     return min(max(slope * (1 + errors * error), 0.0), _MOST_HIDDEN)
 
 
-def lasting_jumps(phase: Array, before: float | None = None) -> Ints:
+def lasting_jumps(phase: Array, new_run: bool = True) -> Ints:
     """Count all samples missing before each message, by jumps of the phase that last."""
-    # The phase is the stamp in intervals, minus the number of the message.
+    # The phase is the stamp in intervals, minus the number of the message: 0 before, unless these
+    # are the first messages of a run.
     missing = np.zeros(len(phase), dtype=np.int64)
     groups = len(phase) // _GROUP
     if groups < 4:
         return missing
     level = np.median(phase[:groups * _GROUP].reshape(groups, _GROUP), axis=1)
-    lead = 0 if before is None else _GROUPS
-    if before is not None:
-        level = np.concatenate([np.full(_GROUPS, before), level])
+    lead = 0 if new_run else _GROUPS
+    level = np.concatenate([np.zeros(lead), level])
     # Each jump costs a pass over the levels, and the largest come first.
     for _ in range(64):
         rise = _lasting_rise(level)

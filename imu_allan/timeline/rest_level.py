@@ -21,6 +21,11 @@ from imu_allan.block import EvenBlock
 from imu_allan.state import Record
 import numpy as np
 
+QUIETER = 3.0 ** (2 / 3)
+"""Ratio of loudness for a third of the noise: no driving is that quiet, and no drift that
+large."""
+_FINE = 0.7
+"""Noise over step above which the step hides no noise; below, an output may rest for long."""
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 """In rad/s and m/s^2 within two seconds: a smaller change is judged by the noise alone."""
 
@@ -150,13 +155,6 @@ def _square_sums(values: Array) -> Array:
     """Sum the squares of the values of every axis and window, shape (6, windows)."""
     # As in the pyramid of the record, this takes half as long as einsum.
     return np.asarray((values[:, :, None] @ values[..., None])[..., 0, 0])
-
-
-QUIETER = 3.0 ** (2 / 3)
-"""Ratio of loudness for a third of the noise: no driving is that quiet, and no drift that
-large."""
-_FINE = 0.7
-"""Noise over step above which the step hides no noise; below, an output may rest for long."""
 
 
 @dataclass(frozen=True)

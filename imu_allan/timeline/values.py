@@ -16,6 +16,10 @@ from imu_allan.state import Record
 from imu_allan.timeline.stamps import count_in_runs, off_a_line
 import numpy as np
 
+LARGEST = 1e9
+"""Larger values, in SI units, are corrupt data, as no IMU measures them."""
+_BLOCK = 64
+"""Samples per transform: drift stays out of its upper half, where neighbours are compared."""
 _FROZEN_RUN = 24
 """Repeats in a row that mark a sensor as frozen: beyond any polling, within the look-ahead."""
 
@@ -148,12 +152,6 @@ def _come_evenly(again: Bools) -> bool:
     if len(again) - len(new) < max(32, 0.03 * len(again)) or len(new) < 64:
         return False
     return float(off_a_line(new).std()) < 0.7
-
-
-LARGEST = 1e9
-"""Larger values, in SI units, are corrupt data, as no IMU measures them."""
-_BLOCK = 64
-"""Samples per transform: drift stays out of its upper half, where neighbours are compared."""
 
 
 def alternates(samples: Array) -> bool:
