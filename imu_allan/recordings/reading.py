@@ -27,7 +27,7 @@ import signal
 import subprocess
 import sys
 from threading import Event, Semaphore, Thread
-from typing import Any, TypeVar
+from typing import Any
 
 from imu_allan.block import ImuBlock, joined
 from imu_allan.errors import ImuAllanError, printable
@@ -38,7 +38,8 @@ from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
-Item = TypeVar('Item')
+Read = tuple[ImuBlock, int]
+"""A block, and the number of bytes consumed so far."""
 
 WORTHWHILE_BYTES = 1 << 26
 """Size in bytes from which a recording is read by a separate process."""
@@ -94,7 +95,7 @@ def read_blocks(
     return _with_progress(recording, _blocks_ahead(recording, topic), topic, progress)
 
 
-def _blocks_ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+def _blocks_ahead(recording: Recording, topic: str) -> Iterator[Read]:
     if _worth_a_process(recording):
         # If no further process can be started, fall back to a thread.
         with suppress(OSError):
@@ -103,7 +104,7 @@ def _blocks_ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, 
 
 
 def _with_progress(
-    recording: Recording, ahead: Iterator[tuple[ImuBlock, int]], topic: str,
+    recording: Recording, ahead: Iterator[Read], topic: str,
     progress: Callable[[int], None] | None,
 ) -> Iterator[ImuBlock]:
     empty = True
@@ -127,14 +128,14 @@ def _with_progress(
         progress(recording.size_bytes)
 
 
-def read_ahead(items: Generator[Item, None, None]) -> Iterator[Item]:
+def read_ahead(items: Generator[Read, None, None]) -> Iterator[Read]:
     """
     Produce `items` in a thread, at most 16 of them ahead of the consumer.
 
     An exception in the producer is raised in the consumer, after the items before it. The thread
     ends with the consumer, even if that stops early.
     """
-    ready: SimpleQueue[Item | None] = SimpleQueue()
+    ready: SimpleQueue[Read | None] = SimpleQueue()
     room, stopped = Semaphore(15), Event()
     failure: list[BaseException] = []
 
@@ -167,15 +168,12 @@ def read_ahead(items: Generator[Item, None, None]) -> Iterator[Item]:
         raise failure[0]
 
 
-def larger_blocks(
-    blocks: Iterator[tuple[ImuBlock, int]],
-) -> Generator[tuple[ImuBlock, int], None, None]:
+def larger_blocks(blocks: Iterator[Read]) -> Generator[Read, None, None]:
     """
     Join consecutive blocks of one frame_id until they hold at least 2048 messages.
 
-    A chunk of a single-topic bag is that large, and is passed on without a copy. The second item
-    of each pair, the position in the file, is that of the last block joined. An exception is
-    raised after the blocks before it.
+    A chunk of a single-topic bag is that large, and is passed on without a copy. The bytes
+    consumed are those of the last block joined. An exception is raised after the blocks before it.
     """
     held: list[ImuBlock] = []
     count = position = 0
@@ -202,7 +200,7 @@ def _joined(blocks: list[ImuBlock]) -> ImuBlock:
     return joined(blocks) if len(blocks) > 1 else blocks[0]
 
 
-def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+def read_in_process(recording: Recording, topic: str) -> Iterator[Read]:
     """Start a process that reads a topic; yield blocks and the bytes consumed so far."""
     _keep_memory()
     memory = os.memfd_create('imu_allan')
@@ -222,8 +220,8 @@ def read_in_process(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock
     return _received(recording, process, slots)
 
 
-def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDArray[np.void],
-              ) -> Iterator[tuple[ImuBlock, int]]:
+def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDArray[np.void]
+              ) -> Iterator[Read]:
     assert process.stdin is not None
     assert process.stdout is not None
     try:
@@ -300,7 +298,7 @@ def serve() -> None:
     os._exit(0)
 
 
-def _fill(decoded: Iterator[tuple[ImuBlock, int]], slots: NDArray[np.void],
+def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
           report: Callable[[object], None]) -> None:
     """Copy blocks into slots as these become free, and report each."""
     free = list(range(_SLOTS))

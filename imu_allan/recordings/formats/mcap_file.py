@@ -60,6 +60,8 @@ except ImportError:
     from zlib import crc32
 
 Record = TypeVar('Record')
+Describe = Callable[[int, bytes], object]
+"""Called with opcode and body of each record that is no message."""
 _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('place', '<u8')])
@@ -218,16 +220,13 @@ def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | N
         return None
 
 
-def gather(
-    buffer: bytes, wanted: AbstractSet[int], describe: Callable[[int, bytes], object],
-    index: Callable[[], Ints] | None,
-) -> tuple[Iterator[MessageBatch], int]:
+def gather(buffer: bytes, wanted: AbstractSet[int], describe: Describe,
+           index: Callable[[], Ints] | None) -> tuple[Iterator[MessageBatch], int]:
     """
     Gather the messages of the channels `wanted`; also return the bytes of complete records.
 
-    `describe` is called with opcode and body of each record that is no message, and may add to
-    `wanted`. `index` returns the offsets of all messages, as the file declares them, in any order.
-    Messages are copied only when a batch is requested.
+    `describe` may add to `wanted`. `index` returns the offsets of all messages, as the file
+    declares them, in any order. Messages are copied only when a batch is requested.
     """
     batches: list[Iterable[MessageBatch]] = []
     scattered: list[int] = []
@@ -295,10 +294,7 @@ def _equal_records(buffer: bytes, at: int, stride: int) -> int:
     return count
 
 
-def _verified(
-    buffer: bytes, at: int, places: Ints,
-    describe: Callable[[int, bytes], object],
-) -> Ints | None:
+def _verified(buffer: bytes, at: int, places: Ints, describe: Describe) -> Ints | None:
     """Sort `places` from `at` on; return None unless their records fill the rest of the buffer."""
     places = np.unique(places[places >= at])
     heads = anywhere(buffer, _HEAD)
@@ -316,9 +312,7 @@ def _verified(
     return None
 
 
-def _only_descriptions(
-    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object],
-) -> bool:
+def _only_descriptions(buffer: bytes, at: int, stop: int, describe: Describe) -> bool:
     """Return whether only whole records lie between two messages."""
     while at < stop:
         opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
