@@ -206,8 +206,7 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
         return [Stream(topic)]
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])
-    made = {half: _upsampled(samples[:, columns], stamps)
-            for half, columns in _COLUMNS.items()}
+    made = {half: _upsampled(samples[:, columns], stamps) for half, columns in _COLUMNS.items()}
     interpolated, repeated = ([half for half in _COLUMNS if made[half] == how]
                               for how in ('interpolated', 'repeated'))
     if len(interpolated) == 1:

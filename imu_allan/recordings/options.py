@@ -75,7 +75,6 @@ def factor(option: str, unit: str | None, si_unit: str) -> float:
     try:
         return convert(1.0, unit, si_unit)
     except ImuAllanError as error:
-        other = ('deg/s, of counts deg/s/131' if si_unit == RAD_PER_S else
-                 'g, of counts g/16384')
+        other = 'deg/s, of counts deg/s/131' if si_unit == RAD_PER_S else 'g, of counts g/16384'
         raise ImuAllanError(f'{option} {brief(unit, 80)}: {error}; write {si_unit} '
                             f'or {other}') from error

@@ -24,8 +24,7 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
                   if thermometer.name.strip('/') == named.strip('/')] or [
             thermometer for thermometer in own if thermometer.name == f'{topic}:{named}']
         if not chosen:
-            shown = ', '.join(brief(thermometer.name)
-                              for thermometer in (*separate, *own)[:10])
+            shown = ', '.join(brief(thermometer.name) for thermometer in (*separate, *own)[:10])
             raise ImuAllanError(
                 f'{printable(recording.path)}: --temperature {brief(named)}: no '
                 'topic of type sensor_msgs/Temperature, field or column of this name; there are '

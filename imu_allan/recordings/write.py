@@ -94,8 +94,7 @@ def write_recording(
 
 def _write(writer: Writer, blocks: Iterable[ImuBlock], topic: str) -> None:
     """Write messages, encoding some thousand at a time."""
-    connection = writer.add_connection(
-        topic, IMU_TYPE, typestore=get_typestore(Stores.ROS2_JAZZY))
+    connection = writer.add_connection(topic, IMU_TYPE, typestore=get_typestore(Stores.ROS2_JAZZY))
     for block in blocks:
         for start in range(0, len(block), 1 << 14):
             part = block.part(slice(start, start + (1 << 14)))

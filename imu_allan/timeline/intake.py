@@ -197,8 +197,7 @@ def _measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice:
             'or force the stated rate (analyze --clock none)')
 
 
-def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools
-                    ) -> Pace | None:
+def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> Pace | None:
     """Measure the pace, and take receive stamps for the clock if only they are even."""
     decision = memory.decision
     # For a polled sensor, only messages with new values show the pace.

@@ -91,8 +91,7 @@ def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
     """Find long gaps, as opposed to single messages that are as late as a gap is long."""
     far: Bools = steps > tolerated
     # If only the message is late, time and places differ by three intervals or more.
-    return far if pace.counting else far & (
-        np.abs(passed / pace.interval_ns - steps) < 3.0)
+    return far if pace.counting else far & (np.abs(passed / pace.interval_ns - steps) < 3.0)
 
 
 def unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:

@@ -200,8 +200,7 @@ class MotionDetector(Record):
         if self._level is None:
             windows = sum(segment.held // self._windows.size for segment in self.held)
             rows = sum(segment.held for segment in self.held)
-            if (windows < at_start and rows < 2 * at_start * self._windows.size
-                    and not final):
+            if windows < at_start and rows < 2 * at_start * self._windows.size and not final:
                 return []
         for segment in self.held:
             self._windows.measure(segment)

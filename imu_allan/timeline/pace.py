@@ -250,8 +250,7 @@ def _lost_by(other: Stamps, own: Array, steps: Array, interval: float) -> float 
     if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
-    if (float(one.std()) > 0.75 * interval
-            or abs(float(one.mean()) / interval - few) > 0.5 * few):
+    if float(one.std()) > 0.75 * interval or abs(float(one.mean()) / interval - few) > 0.5 * few:
         # Nor does one that is read in batches or whole seconds: the time of a batch shows little
         # of the time of its samples.
         return None

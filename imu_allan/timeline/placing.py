@@ -292,8 +292,7 @@ def _even_blocks(tail: Array, samples: Array, steps: Ints, index: Ints, elapsed_
     lengths = steps[gaps] - 1
     means = np.repeat(interpolate(known, gaps + len(tail), segment), lengths, axis=0)
     ends = np.cumsum(lengths)
-    holes = (np.repeat(index[gaps] - ends, lengths)
-             + np.arange(int(ends[-1]) if len(ends) else 0))
+    holes = np.repeat(index[gaps] - ends, lengths) + np.arange(int(ends[-1]) if len(ends) else 0)
     breaks = np.flatnonzero(steps[:c] > tolerated).tolist()
     blocks = []
     for first, last in pairwise([0, *(at for at in breaks if at > 0), c]):

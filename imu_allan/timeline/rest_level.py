@@ -307,8 +307,7 @@ class RestLevel(Record):
         """Start a new baseline from the windows from array index `first` on."""
         found = _baseline_of(segment.statistics(first, last), self.baseline.resolution)
         # A few windows give a spread only to within a factor of two.
-        self.baseline = replace(found, spread=2 * found.spread,
-                                wander=2 * found.wander)
+        self.baseline = replace(found, spread=2 * found.spread, wander=2 * found.wander)
         self.first = found.loudness
         self.quieter = 0
         self.past, self.news, self.lately = self.past[:0], self.news[:0], self.lately[:0]
@@ -326,8 +325,7 @@ class RestLevel(Record):
             changes += self._adopt(_baseline_of(self.past, self.baseline.resolution))
         if len(self.lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
-            self.lately = np.concatenate(
-                [self.lately, np.column_stack([windows, verdict])[inner]])
+            self.lately = np.concatenate([self.lately, np.column_stack([windows, verdict])[inner]])
             # After a minute, a new level may be the sensor's own. Chosen by judgment.
             if len(self.lately) >= 128:
                 changes += self._accept_change()

@@ -19,8 +19,7 @@ from imu_allan.errors import brief, ImuAllanError, printable
 
 Form = Literal['msg', 'idl']
 
-FORMS: Mapping[str, Form] = {
-    'ros2msg': 'msg', 'ros1msg': 'msg', 'ros2idl': 'idl', 'omgidl': 'idl'}
+FORMS: Mapping[str, Form] = {'ros2msg': 'msg', 'ros1msg': 'msg', 'ros2idl': 'idl', 'omgidl': 'idl'}
 """The encodings of definitions in containers, mapped to their two languages."""
 
 _SEPARATOR = '=' * 80 + '\n'
@@ -116,8 +115,7 @@ def parse(type_name: str, definition: Definition | Types,
         raise ImuAllanError(f'the definition of {brief(name)} defines another type')
     types = {known: _fields(nodes) for known, (_, nodes) in found.items()}
     if _undefined(types):
-        store = get_typestore(Stores.ROS1_NOETIC if serialization == 'ros1'
-                              else Stores.ROS2_JAZZY)
+        store = get_typestore(Stores.ROS1_NOETIC if serialization == 'ros1' else Stores.ROS2_JAZZY)
         while missing := [kind for kind in _undefined(types) if kind in store.fielddefs]:
             types |= {kind: _fields(store.fielddefs[kind][1]) for kind in missing}
     return types
