@@ -103,9 +103,9 @@ class _Formatter(Formatter):
         say, unit = _FORMS.get(spec, lambda one: format(one, spec)), ''
         if spec.endswith('%'):
             say, unit = lambda one: f'{100 * one:{spec[:-1] or ".0"}f}', ' %'
-        elif rest.startswith('in '):
-            size, shown = engineering(1.0, rest[3:])
-            say, unit = lambda one: number(size * one, int(form)), f' {shown}'
+        elif form.isdigit():
+            size, shown = engineering(1.0, rest[3:]) if rest else (1.0, '')
+            say, unit = lambda one: number(size * one, int(form)), f' {shown}'.rstrip()
         return (ranged(value, say) if isinstance(value, Span) else say(value)) + unit
 
 

@@ -65,7 +65,7 @@ def most(value: Any) -> Any:
 def _gravity(f: Figures) -> str:
     asks = ('; is it in units of g?' if 0.95 < f['mean'] < 1.05 else
             '; has gravity been removed?' if f['mean'] < 0.5 else '')
-    return f'the mean acceleration is {{mean:.4g}} m/s^2, not about 9.81{asks}'
+    return f'the mean acceleration is {{mean:4}} m/s^2, not about 9.81{asks}'
 
 
 def _implausible_what(f: Figures) -> str:
@@ -285,7 +285,7 @@ WORDS: Mapping[str, Words] = {
         'The mean is not about 9.81 m/s^2.', says=_gravity,
         do='check the unit (--accel :g, of counts :g/16384) and the topic',
         live='check the unit of the driver',
-        brief='the mean acceleration is {mean:.4g} m/s^2, not 9.81'),
+        brief='the mean acceleration is {mean:4} m/s^2, not 9.81'),
     'implausible': Words(
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
         'A mean, spread or noise density is beyond any sensor at rest.', says=_implausible,

@@ -36,19 +36,21 @@ PLAUSIBLE = {
 
 def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
     """Find axes whose noise density, mean or spread is beyond `PLAUSIBLE`; code `implausible`."""
-    found = []
+    beyond = []
     for name, axis in axes.items():
         limits = PLAUSIBLE[axis.quantity]
         noise = axis.coefficients.get('noise_density')
-        for what, value, most, of in (
-                ('noise_density', noise.value if noise is not None else None,
-                 limits.noise_density, f'{axis.unit}/sqrt(Hz)'),
-                ('mean', axis.mean, limits.mean, axis.unit),
-                ('spread', axis.curve.adev[0] if axis.curve.adev else None, limits.spread,
-                 axis.unit)):
-            if value is not None and abs(value) > most:
-                found.append(finding(
-                    'implausible', (name,), what=what, value=value, limit=most, unit=of,
-                    likely=limits.unit if abs(value) <= limits.factor * most else 'counts'))
-                break
-    return found
+        beyond += [(name, what, value, most, of) for what, value, most, of in (
+            ('noise_density', noise.value if noise is not None else None,
+             limits.noise_density, f'{axis.unit}/sqrt(Hz)'),
+            ('mean', axis.mean, limits.mean, axis.unit),
+            ('spread', axis.curve.adev[0] if axis.curve.adev else None, limits.spread, axis.unit))
+            if value is not None and abs(value) > most]
+    # Gravity tells counts from mg where noise does not.
+    counts = {axes[name].quantity for name, _, value, most, _ in beyond
+              if abs(value) > PLAUSIBLE[axes[name].quantity].factor * most}
+    first = {name: figures for name, *figures in reversed(beyond)}
+    return [finding('implausible', (name,), what=what, value=value, limit=most, unit=of,
+                    likely='counts' if (kind := axes[name].quantity) in counts
+                    else PLAUSIBLE[kind].unit)
+            for name, (what, value, most, of) in reversed(first.items())]

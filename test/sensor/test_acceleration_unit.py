@@ -5,6 +5,7 @@
 from characterized import messages, streamed
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization import characterize
+from imu_allan.finding_messages import sentence_of
 from imu_allan.node.run import Lane
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.sensor.plausible import implausible
@@ -130,6 +131,18 @@ def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bi
             for found in result.warnings if found.code == 'implausible'
             for axis in found.axes} == {
         f'{sensor}_{axis}': why for sensor, why in said.items() for axis in 'xyz'}
+
+
+def test_gravity_tells_the_counts_of_all_axes_from_mg():
+    samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([1e-3, 25.0], 3)
+    samples += [0.0, 0.0, 0.0, 170.0, 330.0, 16_384.0]
+    result = streamed([messages(samples, 200.0)]).result()
+    said = [found for found in result.warnings if found.code == 'implausible']
+    assert [(found.values['what'], found.values['likely']) for found in said] == [
+        ('noise_density', 'counts')] * len(said)
+    assert [axis for found in said for axis in found.axes] == ['accel_x', 'accel_y', 'accel_z']
+    [sentence] = {sentence_of(found) for found in result.warnings if found.code == 'gravity'}
+    assert sentence == 'the mean acceleration is 16389 m/s^2, not about 9.81'
 
 
 def test_a_spread_is_reported_where_the_noise_density_is_not_known():
