@@ -200,6 +200,8 @@ def _joined(blocks: list[ImuBlock]) -> ImuBlock:
     return joined(blocks) if len(blocks) > 1 else blocks[0]
 
 
+# ------------------------------------------------------------------------------------ in a process
+
 def read_in_process(recording: Recording, topic: str) -> Iterator[Read]:
     """Start a process that reads a topic; yield blocks and the bytes consumed so far."""
     _keep_memory()

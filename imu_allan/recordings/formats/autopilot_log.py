@@ -133,6 +133,8 @@ def _records(content: NDArray[np.uint8], starts: Ints, layout: np.dtype[Any]) ->
     return records
 
 
+# --------------------------------------------------------------------------------------------- PX4
+
 _TYPES = {
     'sensor_combined': 'SensorCombined', 'vehicle_imu': 'VehicleImu',
     'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
@@ -309,6 +311,8 @@ def _layout(text: str) -> np.dtype[Any]:
         at += kind.itemsize
     return record_of(fields, size)
 
+
+# --------------------------------------------------------------------------------------- ArduPilot
 
 _MESSAGE_HEAD = 3    # bytes before each message: marker and type
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))

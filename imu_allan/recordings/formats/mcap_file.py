@@ -220,6 +220,8 @@ def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | N
         return None
 
 
+# -------------------------------------------------------------- the messages of a topic, as arrays
+
 def gather(buffer: bytes, wanted: AbstractSet[int], describe: Describe,
            index: Callable[[], Ints] | None) -> tuple[Iterator[MessageBatch], int]:
     """

@@ -265,6 +265,8 @@ def _advances(times: Ints) -> bool:
     return valid and 2 * len(np.unique(times)) >= len(times)
 
 
+# ---------------------------------------------------------------------------- where the fields are
+
 @dataclass(frozen=True)
 class Place:
     """
@@ -415,6 +417,8 @@ def _joint_field(vector: Vector) -> str:
     """Return the field name for three adjacent numbers; paths themselves contain no blank."""
     return ' '.join(vector.paths)
 
+
+# ------------------------------------------------------------------------------ records as columns
 
 def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
             receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
