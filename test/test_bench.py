@@ -21,6 +21,7 @@ import page
 from processes import python
 import pytest
 import recorded
+import run
 from scipy.fft import dct
 import simulated as records
 from test_packaging import environment, fresh_environment
@@ -137,6 +138,15 @@ def test_refusals_and_terms_that_are_not_there_count_and_an_interval_by_width_an
     assert scores['rate_random_walk'] == {'reported': 0.0}
     for truth, score in ((1.0, 0.2), (1.2, 0.2 / 1.2 + 40 / 12)):
         assert accuracy.interval_score(estimate(1.0, 0.9, 1.1), truth) == (pytest.approx(score))
+
+
+@pytest.mark.parametrize('row', [('b', 'allantools'), ('gap', 'wavelets')])
+def test_a_row_that_is_not_there_is_refused_with_the_names_of_those_that_are(
+        row, monkeypatch, capsys):
+    monkeypatch.setattr(sys, 'argv', ['run.py', '--row', *row])
+    with pytest.raises(SystemExit):
+        run.main()
+    assert 'gaps and one of ours, wavelets, readings,' in capsys.readouterr().err
 
 
 def test_the_page_is_the_one_the_command_wrote_with_every_length_that_was_timed():

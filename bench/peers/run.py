@@ -44,6 +44,8 @@ def main() -> int:
     options = parser.parse_args()
     if options.row:
         case, tool = options.row
+        if case not in CASES or tool not in KEYS:
+            parser.error(f'--row takes one of {", ".join(CASES)} and one of {", ".join(KEYS)}')
         print(json.dumps(accuracy.run([case], [tool], options.records)[case]['tools'][tool],
                          indent=1))
         return 0
