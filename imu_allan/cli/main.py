@@ -164,8 +164,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if package not in ('isal', 'lz4', 'markupsafe', 'mcap', 'rich', 'rosbags', 'scipy',
                            'zstandard'):
             raise
-        return _fail(f'needs the Python package {package}, which is not installed; rosdep does '
-                     f'not know it: pip install {package}')
+        return _fail(f'needs the Python package {package}, which is not installed: '
+                     f'pip install {package}')
     except BrokenPipeError:
         drop_stdout()
         return EXIT_BROKEN_PIPE

@@ -233,13 +233,14 @@ def test_a_full_disk_behind_standard_output_is_one_line(recording):
         1, 'imu_allan: standard output: No space left on device\n')
 
 
-@pytest.mark.parametrize(('package', 'verb'), [('mcap', 'analyze'), ('zstandard', 'info')])
-def test_a_package_that_rosdep_does_not_install_is_one_line(recording, package, verb):
+@pytest.mark.parametrize(('package', 'verb'), [
+    ('mcap', 'analyze'), ('zstandard', 'info'), ('rich', 'analyze')])
+def test_a_package_that_is_not_installed_is_one_line(recording, package, verb):
     done = python('-c', f'import sys; sys.modules[{package!r}] = None\nfrom imu_allan.cli.main '
                   f'import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))')
     assert (done.returncode, done.stderr) == (
-        1, f'imu_allan: needs the Python package {package}, which is not installed; rosdep does '
-        f'not know it: pip install {package}\n')
+        1, f'imu_allan: needs the Python package {package}, which is not installed: pip install '
+        f'{package}\n')
 
 
 def test_every_finding_is_listed_and_explained_by_its_code_or_by_its_title(output_of, fails_with):
