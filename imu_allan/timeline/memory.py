@@ -251,7 +251,7 @@ class Decision(Record):
                 ('times', 'sample', 'mend them or their unit (analyze --columns, --stamp)')
                 if self.one_clock else
                 (f'{self.clock} stamps', 'message', 'choose the other clock (analyze --clock)'))
-            raise ImuAllanError(f'the {stamps} advance by {pace.interval_ns / SECOND:.3g} s from '
+            raise ImuAllanError(f'the {stamps} advance by {pace.interval_ns / SECOND:.6g} s from '
                                 f'{what} to {what}, as those of no IMU do: {mend}')
         self.set_pace(pace)
 

@@ -202,6 +202,10 @@ def test_times_that_advance_as_those_of_no_imu_are_refused():
     with refused('the times advance by 2.5e-06 s from sample to sample, as those of no IMU do: '
                  'mend them or their unit (analyze --columns, --stamp)'):
         run(replace(block, header_ns=times, receive_ns=times))
+    times = 10**18 + np.arange(len(block)) * 5000 * 10**9
+    with refused('the times advance by 5000 s from sample to sample, as those of no IMU do: '
+                 'mend them or their unit (analyze --columns, --stamp)'):
+        run(replace(block, header_ns=times, receive_ns=times))
 
 
 def test_a_table_whose_times_are_out_of_order_is_refused():
