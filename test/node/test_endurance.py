@@ -112,13 +112,16 @@ def phases(draw, hours):
 @pytest.mark.parametrize(('seed', 'hours'), [(1, 2), slow(3, 7 * 24)])
 def test_stop_and_go_shows_the_noise_of_the_sensor(seed, hours):
     draw, imu = np.random.default_rng(seed), SimulatedImu(MODEL, RATE_HZ, seed)
-    run, first, at_rest_s = Characterization(kind='topic', topic='/imu'), 0, 0.0
+    run, first, at_rest_s, tilt = Characterization(kind='topic', topic='/imu'), 0, 0.0, np.zeros(3)
     for seconds, *shaken, bends, turn, engine in phases(draw, hours):
         numbers = first + np.arange(round(seconds * RATE_HZ))
         first += len(numbers)
         at_rest_s += 0.0 if any((*shaken, engine)) else seconds
         samples = imu.draw(len(numbers))
         samples += draw.normal(0, np.repeat(shaken, 3), samples.shape)
+        # No floor is flat: after each move the IMU stands at another angle, of 0.05 degree.
+        tilt += draw.normal(0, 0.01, 3) * any(shaken)
+        samples[:, 3:] += tilt
         samples[:, 2] += turn + bends * np.sin(2 * np.pi * numbers / RATE_HZ / 20)
         # At 8.3 Hz.
         samples += np.outer(np.sin(2 * np.pi * 8.3 * numbers / RATE_HZ),
