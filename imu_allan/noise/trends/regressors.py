@@ -137,17 +137,22 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
     the same sections, zero outside the whole-record part. With `slowest`, only for the slowest
     coefficients of the whole-record parts.
     """
-    parts = []
-    for section in sections:
-        if section.coefficients is None:
-            if slowest is None:
-                parts.append(np.zeros((section.last - section.first, len(trends))))
-            continue
+    whole = [section for section in sections if section.coefficients is not None]
+    times, parts = [np.zeros(0)], []
+    for section in whole:
         # 1024 points are enough for trends with a few dozen cycles in the record.
-        length = section.length if slowest is None else min(section.length, max(1024, slowest + 1))
+        points = section.length if slowest is None else min(
+            section.length, max(1024, slowest + 1))
+        middle = (np.arange(points) + 0.5) * (section.length / points)
+        times.append((section.start + middle * section.step) * dt)
+    # At all times of a record at once, of which there may be hundreds of parts.
+    every = np.concatenate(times)
+    values = np.stack([trend(every) for trend in trends])
+    ends = np.cumsum([len(time) for time in times])
+    for section, own in zip(whole, np.split(values, ends[:-1], axis=1)[1:], strict=True):
         last = section.last if slowest is None else min(section.last, slowest + 1)
-        middle = (np.arange(length) + 0.5) * (section.length / length)
-        time: Array = np.asarray((section.start + middle * section.step) * dt, dtype=np.float64)
-        rows = dct(np.stack([trend(time) for trend in trends]), norm='ortho')
-        parts.append(rows[:, section.first:last].T * np.sqrt(section.length / length))
-    return np.concatenate(parts)
+        parts.append(dct(own, norm='ortho')[:, section.first:last].T
+                     * np.sqrt(section.length / own.shape[1]))
+    blocks = 0 if slowest is not None else sum(
+        section.last - section.first for section in sections if section.coefficients is None)
+    return np.concatenate((*parts, np.zeros((blocks, len(trends)))))

@@ -9,6 +9,7 @@ from characterized import B, ends, K, N, one_axis, shown, taken_in
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.allan_deviation import octaves
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.part_of_record import Part
@@ -103,6 +104,20 @@ def test_a_record_of_nothing_but_short_runs_has_coefficients():
         estimator.start_run()
     density = one_axis(estimator, 20.0)[0].coefficients[N]
     assert density.value == pytest.approx(1e-3 / 20**.5, rel=0.03)
+
+
+def test_many_runs_are_no_more_bands_to_fit_than_one_and_show_the_same_noise():
+    rows = simulate({N: 1e-3, B: 3e-4}, 200_000, 25.0, seed=3)
+    one, many, rng = Estimator(), Estimator(), np.random.default_rng(3)
+    one.update(rows)
+    for run in np.split(rows, np.sort(rng.choice(len(rows), 150, replace=False))):
+        many.update(run)
+        many.start_run()
+    [single], [split] = (fit_axes(own.finished(), 1 / 25.0) for own in (one, many))
+    assert len(split.groups.frequency) < 1.1 * len(single.groups.frequency)
+    for key, truth in ((N, 1e-3), (B, 3e-4)):
+        assert split.fit.estimates[key].low < truth < split.fit.estimates[key].high
+    assert not split.fit.estimates[K].observable
 
 
 def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
