@@ -22,6 +22,7 @@ from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
 from imu_allan.result import Tone
+import numpy as np
 
 
 def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
@@ -71,9 +72,12 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
 
 
 def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:
-    """Return whether a random walk persists without any one quarter, and without any record."""
+    """Return whether a random walk persists without any one quarter, and without any records."""
     quarters = [own for one in records if one.parts is not None and (own := one.parts())]
-    splits = [quarters] if len(quarters) > 2 else []
+    # Leave out one record of up to eight, of more an eighth of them.
+    eighths = np.array_split(np.arange(len(quarters)), min(max(len(quarters), 1), 8))
+    splits = [[[one for number in part.tolist() for one in quarters[number]] for part in eighths]
+              ] if len(quarters) > 2 else []
     if len(quarters) == len(records):
         splits.append([list(same) for same in zip(*quarters, strict=True)])
     return all(random_walk_persists(posterior, split, dt) for split in splits)

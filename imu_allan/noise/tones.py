@@ -38,7 +38,7 @@ def find_lines(sections: list[SpectrumSection], bins: Bins, axis: int, dt: float
     strongest first, and a mask of the bins, False for those of a line or its side lobes.
     """
     theta = maximise(groups, detrend=True).theta
-    slope = float(about_mean(groups)(groups.design @ theta).ramp)
+    [slope] = about_mean(groups)(groups.design @ theta).ramp.tolist()
     expected = np.maximum(bins.design @ theta, 1e-300)
     # Without the ramp. For signed coefficients this is exact. For blocks only the mean power of
     # the ramp is known, and their power may be smaller by chance.

@@ -7,6 +7,7 @@ from collections import defaultdict
 from characterized import B, joint_fits, K, N, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.draws import sample
 from imu_allan.noise.posterior.evidence import maximise_rows
@@ -229,6 +230,17 @@ def test_a_warm_up_in_every_record_is_no_random_walk():
         simulate({N: 1e-3, B: 3e-4}, len(time), 20.0, 40 + part)
         + (-1)**part * 3e-3 * np.exp(-time / 400) for part in range(4)], 20.0)
     assert not found.coefficients[K].observable
+
+
+def test_many_records_are_no_more_bands_to_fit_than_a_few():
+    fits = [fit for seed in range(40) for fit in fit_axes(
+        shown(simulate(MODEL, 20_000 + 300 * seed, RATE, seed)), 1 / RATE)]
+    few, many = (joint_fit(fits[:count], 1 / RATE) for count in (4, 40))
+    assert len(many.groups.frequency) < 1.5 * len(few.groups.frequency)
+    for key, truth in MODEL.items():
+        found, before = many.fit.estimates[key], few.fit.estimates[key]
+        assert found.low < truth < found.high
+        assert found.high / found.low < before.high / before.low
 
 
 @pytest.mark.slow

@@ -72,8 +72,9 @@ def maximise(groups: Groups, start: Array | None = None, *,
     >>> from imu_allan.noise.record.groups import WHITE
     >>> nu = np.geomspace(0.001, 0.5, 24)
     >>> design = np.stack([4 * np.sin(np.pi * nu) ** 2, np.ones(24), 1 / nu, 1 / nu**2], axis=1)
-    >>> zero, one = np.zeros(24), np.ones(24)
-    >>> groups = Groups(nu, 100 * one, 9 * one, design, zero, one, one)
+    >>> one, none = np.ones(24), np.zeros((24, 1, 1, 1))
+    >>> groups = Groups(nu, 100 * one, 9 * one, design, one, one, none[..., 0, 0], none[..., 0],
+    ...                 none)
     >>> float(maximise(groups).theta[WHITE].round(6))
     9.0
 

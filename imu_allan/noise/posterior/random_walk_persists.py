@@ -29,14 +29,14 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     equal parts of one record, or of parts of several; each has its own mean. `dt`: sample interval
     in seconds.
     """
-    every = [groups for part in parts for groups in part]
-    if not all(groups.power.any() for groups in every):
+    if not all(groups.power.any() for part in parts for groups in part):
         # The axis is constant in one part.
         return False
-    together, count = joined_groups(every), len(parts)
-    assert together.record is not None
+    joined, count = [joined_groups(part) for part in parts], len(parts)
+    together = joined_groups(joined, apart=True)
+    order = np.argsort(np.concatenate([one.frequency for one in joined]), kind='stable')
     own = np.arange(count)[:, None] == np.repeat(
-        np.arange(count), [len(part) for part in parts])[together.record]
+        np.arange(count), [len(one.frequency) for one in joined])[order]
     model = next(model for model in posterior.models if model.row.has[0, K])
     spectra, _ = prepared([together], dt)
     record, of = model.spectra, int(model.row.of[0])

@@ -29,12 +29,8 @@ def regressors(groups: Sequence[Groups]) -> Array:
     """Return products with the regressors of each record, shape (spectra, products, groups)."""
     found = []
     for one in padded(groups):
-        assert one.along is not None
-        assert one.among is not None
-        products = np.concatenate((one.along, one.among.reshape(len(one.dof), -1)), axis=1).T
-        own = np.ones((1, 1), dtype=bool) if one.record is None else (
-            one.record == np.arange(one.records)[:, None])
-        found.append((own[:, None] * products).reshape(-1, len(one.dof)))
+        among = one.among.reshape(*one.along.shape[:2], -1)
+        found.append(np.concatenate((one.along, among), axis=2).reshape(len(one.dof), -1).T)
     return np.stack(found)
 
 
@@ -101,7 +97,7 @@ class AboutMean(NamedTuple):
 
     blocks: Array    # (groups,): power without the ramp in blocks, which have no signed values
     noise: Array    # (groups,): power without the mean, as expected of the noise alone
-    ramp: float | Array    # slope per second; (groups,) if there are several records
+    ramp: Array    # (records,): slope per second
 
 
 def about_mean(groups: Groups) -> Callable[[Array], AboutMean]:
@@ -110,8 +106,8 @@ def about_mean(groups: Groups) -> Callable[[Array], AboutMean]:
 
     def about(expected: Array) -> AboutMean:
         _, size, covariance = mean(products, groups.records, (groups.dof / expected)[None])
-        ramp = float(size[0, 0, 0]) if groups.record is None else size[0, groups.record, 0]
-        blocks = np.maximum(groups.power + ramp**2 * np.minimum(groups.ramp, 0.0),
+        ramp = size[0, :, 0]
+        blocks = np.maximum(groups.power + np.minimum(groups.ramp, 0.0) @ ramp**2,
                             LEAST_OF_BLOCKS * groups.power)
         return AboutMean(blocks, residual_power(blocks, products, size, covariance)[0], ramp)
 

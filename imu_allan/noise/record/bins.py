@@ -41,16 +41,21 @@ class Bins:
     @cached_property
     def band(self) -> Ints:
         """Return the number of the narrow band of each bin, which is the same for all axes."""
-        # Keep the 48 slowest coefficients single, because they distinguish the slow terms.
-        slowest = np.flatnonzero(self.whole)
-        slowest = slowest[np.argsort(self.frequency[slowest], kind='stable')][:48]
-        # Within an eighth of an octave, the spectra of the terms change by a few percent.
-        band = np.floor(8 * np.log2(self.frequency)).astype(np.int64)
-        # The key separates what must not be averaged: the signed coefficients of the whole-record
-        # part, and blocks with different steps.
-        key = (64 * band + np.log2(self.step).astype(np.int64)) * 2 + self.whole
-        key[slowest] = key.max(initial=0) + 1 + np.arange(len(slowest))
-        return np.unique(key, return_inverse=True)[1].astype(np.int64)
+        return narrow_bands(self.frequency, self.step, self.whole)
+
+
+def narrow_bands(frequency: Array, step: Array, whole: Bools) -> Ints:
+    """Return the number of the narrow band of each frequency; fields as in `Bins`."""
+    # Keep the 48 slowest coefficients single, because they distinguish the slow terms.
+    slowest = np.flatnonzero(whole)
+    slowest = slowest[np.argsort(frequency[slowest], kind='stable')][:48]
+    # Within an eighth of an octave, the spectra of the terms change by a few percent.
+    band = np.floor(8 * np.log2(frequency)).astype(np.int64)
+    # The key separates what must not be averaged: the signed coefficients of the whole-record
+    # part, and blocks with different steps.
+    key = (64 * band + np.log2(step).astype(np.int64)) * 2 + whole
+    key[slowest] = key.max(initial=0) + 1 + np.arange(len(slowest))
+    return np.unique(key, return_inverse=True)[1].astype(np.int64)
 
 
 def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:

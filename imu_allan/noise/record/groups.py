@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.noise.record.bins import Bins
+from imu_allan.noise.record.bins import Bins, narrow_bands
 import numpy as np
 
 QUANTIZATION, WHITE, FLICKER, RANDOM_WALK = range(4)
@@ -32,21 +32,19 @@ class Groups:
     dof: Array
     power: Array
     design: Array    # (groups, columns)
-    ramp: Array
     step: Array
     length: Array
-    # (groups, regressors): mean of coefficient times regressor; zero in blocks
-    along: Array | None = None
-    # (groups, regressors, regressors): mean products of the regressors
-    among: Array | None = None
-    # (groups,): index of the record of each group, if there are several, each with its own
-    # regressors; None for one record
-    record: Ints | None = None
+    # Each record has its own regressors of the mean.
+    ramp: Array    # (groups, records)
+    # (groups, records, regressors): mean of coefficient times regressor; zero in blocks
+    along: Array
+    # (groups, records, regressors, regressors): mean products of the regressors
+    among: Array
 
     @property
     def records(self) -> int:
         """Return the number of records."""
-        return 1 if self.record is None else int(self.record.max()) + 1
+        return len(self.along[0])
 
     def below(self, frequency_hz: float) -> 'Groups':
         """Return the groups up to a frequency, inclusive."""
@@ -54,8 +52,7 @@ class Groups:
 
     def select(self, which: Bools | Ints) -> 'Groups':
         """Return a selection of the groups, by mask or by index."""
-        return replace(self, **{name: part[which] for name, part in vars(self).items()
-                                if part is not None})
+        return Groups(*(part[which] for part in vars(self).values()))
 
     def half_octaves(self) -> tuple[Ints, Array]:
         """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
@@ -90,43 +87,59 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
         sums = np.bincount(band[at], weight[at] * values, len(total))
         return np.asarray(sums[there] / total[there])
 
-    if known is None:
-        known = Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
-                       np.stack([mean(column) for column in bins.design.T], axis=1),
-                       mean(bins.ramp), mean(bins.step), mean(bins.length))
     columns = [bins.of_ramp[whole], *([] if regressors is None else regressors[whole].T)]
-    along = [mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
-    among = np.empty((len(there), len(columns), len(columns)))
+    along = np.stack([mean(bins.coefficient[axis, whole] * column, whole) for column in columns],
+                     axis=1)[:, None]
+    among = np.empty((len(there), 1, len(columns), len(columns)))
     for i, one in enumerate(columns):
         for j, other in enumerate(columns[:i + 1]):
-            among[:, i, j] = among[:, j, i] = mean(one * other, whole)
-    return replace(known, along=np.stack(along, axis=1), among=among)
+            among[:, 0, i, j] = among[:, 0, j, i] = mean(one * other, whole)
+    if known is not None:
+        return replace(known, along=along, among=among)
+    return Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
+                  np.stack([mean(column) for column in bins.design.T], axis=1),
+                  mean(bins.step), mean(bins.length), mean(bins.ramp)[:, None], along, among)
 
 
 def padded(parts: Sequence[Groups]) -> list[Groups]:
     """Return groups with as many regressors each: behind the ramp, some have more that are 0."""
-    most = max(part.along.shape[1] for part in parts if part.along is not None)
+    most = max(part.along.shape[2] for part in parts)
     found = []
     for part in parts:
-        assert part.along is not None
-        assert part.among is not None
-        missing = np.ones(most - part.along.shape[1], dtype=np.int64)
-        among = np.insert(np.insert(part.among, missing, 0.0, axis=1), missing, 0.0, axis=2)
-        found.append(replace(part, along=np.insert(part.along, missing, 0.0, axis=1), among=among))
+        missing = np.ones(most - part.along.shape[2], dtype=np.int64)
+        among = np.insert(np.insert(part.among, missing, 0.0, axis=2), missing, 0.0, axis=3)
+        found.append(replace(part, along=np.insert(part.along, missing, 0.0, axis=2), among=among))
     return found
 
 
-def joined_groups(parts: Sequence[Groups]) -> Groups:
+def joined_groups(parts: Sequence[Groups], *, apart: bool = False) -> Groups:
     """
-    Join the spectra of several records.
+    Join the spectra of several records, which share the noise but have regressors of their own.
 
-    `parts`: groups of each record, with regressors. Returns: groups in order of frequency, with
-    common noise coefficients but regressors for each record. Records with fewer regressors are
-    padded with zeros.
+    `parts`: groups of each record. Returns: groups in order of frequency. As in one record, all
+    but the 48 slowest are averaged over narrow bands; with `apart`, none are.
     """
-    record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
-    every = padded(parts)
-    joined = replace(Groups(*(
-        np.concatenate([getattr(part, field.name) for part in every])
-        for field in fields(Groups) if field.name != 'record')), record=record)
+    if len(parts) == 1:
+        return parts[0]
+    every, records = padded(parts), np.cumsum([0, *(part.records for part in parts)])
+    frequency, dof, step, of_ramp = (np.concatenate(values) for values in zip(*(
+        (part.frequency, part.dof, part.step, part.ramp.min(axis=1)) for part in parts),
+        strict=True))
+    band = np.arange(len(dof)) if apart else narrow_bands(frequency, step, of_ramp >= 0)
+    total: Array = np.bincount(band, dof).astype(np.float64)
+    bands = np.split(band, np.cumsum([len(part.dof) for part in parts])[:-1])
+
+    def mean(name: str) -> Array:
+        """Average over bands; what belongs to a record is zero for the others."""
+        values = [getattr(part, name) for part in every]
+        own = name in ('ramp', 'along', 'among')
+        shape = (int(records[-1]), *values[0].shape[2:]) if own else values[0].shape[1:]
+        sums = np.zeros((len(total), *shape))
+        for part, value, at, first, last in zip(
+                every, values, bands, records[:-1], records[1:], strict=True):
+            weighted = (part.dof * value.T).T
+            np.add.at(sums[:, first:last] if own else sums, at, weighted)
+        return np.asarray((sums.T / total).T)
+
+    joined = replace(Groups(*(mean(field.name) for field in fields(Groups))), dof=total)
     return joined.select(np.argsort(joined.frequency, kind='stable'))

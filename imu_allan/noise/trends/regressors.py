@@ -138,13 +138,14 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
     coefficients of the whole-record parts.
     """
     whole = [section for section in sections if section.coefficients is not None]
-    times, parts = [np.zeros(0)], []
+    times: list[Array] = [np.zeros(0)]
+    parts: list[Array] = []
     for section in whole:
         # 1024 points are enough for trends with a few dozen cycles in the record.
         points = section.length if slowest is None else min(
             section.length, max(1024, slowest + 1))
         middle = (np.arange(points) + 0.5) * (section.length / points)
-        times.append((section.start + middle * section.step) * dt)
+        times.append(np.asarray((section.start + middle * section.step) * dt, np.float64))
     # At all times of a record at once, of which there may be hundreds of parts.
     every = np.concatenate(times)
     values = np.stack([trend(every) for trend in trends])
