@@ -160,7 +160,7 @@ class Thermometer(Record):
         of_time = None
         if covered >= COVERED:
             values = np.interp(in_a_row, in_a_row[known], values[known])
-            of_time = TemperatureSeries(in_a_row * dt, values)
+            of_time = TemperatureSeries(in_a_row * dt, values, np.flatnonzero(np.diff(runs)) + 1)
         return Temperature(covered, of_time)
 
     def _stamps(self, runs: Ints, places: Array) -> Array:

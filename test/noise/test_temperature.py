@@ -94,6 +94,18 @@ def test_what_a_lag_does_to_a_temperature_is_undone():
         == pytest.approx(trend.celsius[inner], abs=0.02)
 
 
+def test_a_lag_does_not_make_a_spike_of_the_jump_between_two_runs():
+    sensor = 20 + 3 * np.sin(2 * np.pi * TIME / 1800)
+    # A quarter of a cycle is missing, in which both become 3 K cooler.
+    kept = np.flatnonzero((TIME < 450) | (TIME > 900))[::16]
+    time, begins = TIME[:16 * len(kept):16], int(np.argmax(TIME[kept] > 900))
+    trend = TemperatureSeries(time, lagging(sensor, 120.0)[kept], np.array([begins]))
+    off = np.abs(trend.of_sensor(120.0).celsius - sensor[kept])
+    # With the slope of the jump it would be 7 K.
+    assert off.max() < 1.0
+    assert np.median(off) < 0.01
+
+
 @pytest.mark.slow
 def test_false_coefficients_and_random_walks_made_of_a_lag_are_rare():
     def temperatures(number):

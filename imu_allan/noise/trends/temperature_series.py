@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Temperature over a record, as measured or with a lag between thermometer and sensor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.trends.leakage import Waveform
 import numpy as np
 
@@ -15,6 +15,8 @@ class TemperatureSeries:
 
     time: Array    # (n,): seconds from the beginning, with runs joined end to end
     celsius: Array    # (n,)
+    # First reading of each run but the first: between runs, any time may have passed.
+    begins: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def lowest(self) -> float:
@@ -48,9 +50,14 @@ class TemperatureSeries:
             return self
         time = np.linspace(self.time[0], self.time[-1], max(len(self.time), 3))
         step = float(time[1] - time[0])
-        celsius = np.interp(time, self.time, self.celsius)
-        return TemperatureSeries(time, _ahead(celsius, lag_s, step) if lag_s > 0
-                                 else _behind(celsius, -lag_s, step))
+        # A jump between runs is none for the sensor, which changed meanwhile like the thermometer.
+        jumps = np.zeros(len(self.time))
+        jumps[self.begins] = self.celsius[self.begins] - self.celsius[self.begins - 1]
+        jumps = np.cumsum(jumps)
+        celsius = np.interp(time, self.time, self.celsius - jumps)
+        lagging = _ahead(celsius, lag_s, step) if lag_s > 0 else _behind(celsius, -lag_s, step)
+        return TemperatureSeries(
+            time, lagging + jumps[np.searchsorted(self.time, time, 'right') - 1])
 
 
 def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
