@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from imu_allan.characterization.join_gyro_and_accel import fitted
@@ -21,8 +21,14 @@ FIT_GROWTH = 0.2
 """The next fit waits until the record has grown by this, which narrows intervals by 9 %."""
 
 
-_Fit = tuple[Result, Mapping[str, Any], list[Comparison], float, float]
-"""What a fit gives: result, messages by topic, comparisons, duration and CPU time in seconds."""
+class _Fit(NamedTuple):
+    """What a fit gives; `messages` are by topic."""
+
+    result: Result
+    messages: Mapping[str, Any]
+    comparisons: list[Comparison]
+    duration_s: float
+    cpu_s: float
 
 
 class Fitting:
@@ -82,18 +88,19 @@ class Fitting:
             messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s)
             comparisons = self._standards.judge(
                 found, [lane.characterization for lane in snapshot], run.datasheet_looks, fits)
-            return (result, messages, comparisons, time.monotonic() - started,
-                    time.thread_time() - busy)
+            return _Fit(result, messages, comparisons, time.monotonic() - started,
+                        time.thread_time() - busy)
 
         def publish(fit: _Fit) -> None:
             if run.over:
                 return
-            self.latest, messages, self._facts.comparisons, self._facts.fit_s, cpu_s = fit
+            self.latest = fit.result
+            self._facts.comparisons, self._facts.fit_s = fit.comparisons, fit.duration_s
             for lane in run.lanes:
                 lane.known.learn(lane.characterization.summary().clock)
             # Fits use at most 1 % of a core: a small computer has a driver to run, too.
-            self._fitted_s, self._rested = span_s, began + 100 * cpu_s
-            self._outputs.publish(messages)
+            self._fitted_s, self._rested = span_s, began + 100 * fit.cpu_s
+            self._outputs.publish(fit.messages)
             self._changes.see_result(self.latest)
             self._changes.see_comparisons(self._facts)
             self.draw_if_watched(run)
