@@ -267,7 +267,6 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
             shortfall)
 
 
-
 def in_si_units(recording: Recording, stream: Stream, progress: Progress
                 ) -> tuple[Iterable[ImuBlock], Callable[[], list[Finding]]]:
     """Return the blocks of a stream, converted from g if needed, and its findings at the end."""

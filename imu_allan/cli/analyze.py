@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.result import Result
 
+
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(

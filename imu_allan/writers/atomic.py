@@ -71,7 +71,6 @@ def require_replaceable_in(folder: str | os.PathLike[str], kinds: Mapping[str, s
         require_replaceable(Path(folder) / name, kind)
 
 
-
 def write_files(folder: str | os.PathLike[str], files: Files) -> list[Path]:
     """
     Make and write files into an output folder in turn; an error names all that are missing.

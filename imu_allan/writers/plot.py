@@ -123,7 +123,7 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             panels.draw_density(density, axis, result.timeline, colour)
             panels.frame(density, sensor, curves.density_limits(axes.values(), result.timeline),
-                        of_spectrum=True, **ends)
+                         of_spectrum=True, **ends)
             first = [first[0] or allan, first[1] or density]
         panels.draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result)
         return figure

@@ -179,8 +179,8 @@ class FieldsDecoder:
                 known.append((_key(message, layout), layout))
         return layout
 
-    def _groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed,
-               ) -> list[tuple[NDArray[np.intp] | slice, RecordLayout]]:
+    def _groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed
+                ) -> list[tuple[NDArray[np.intp] | slice, RecordLayout]]:
         """Group rows, messages of equal size, by layout."""
         found: list[tuple[NDArray[np.intp] | slice, RecordLayout]] = []
         left = np.arange(len(rows))
