@@ -57,7 +57,7 @@ DEMO_EXTRAS := ros
 DEMO_STAMP := $(if $(STAMP),$(VENV)/.installed-demo)
 
 # What is timed; what is drawn by the hundred has other targets, or is run by name.
-SPEED := reading messages timeline report node
+SPEED := reading messages timeline fit report node
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter \
