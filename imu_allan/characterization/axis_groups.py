@@ -17,7 +17,7 @@ from imu_allan.state import Record
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 
-ACCELEROMETER = np.arange(6) >= 3
+_ACCELEROMETER = np.arange(6) >= 3
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Group(Record):
         if block.first_index <= self.end or not self.estimator.samples:
             return [self]
         sensor = self.columns // 3
-        moved = self.latest.moved(block.samples) | (block.after_motion & ACCELEROMETER)
+        moved = self.latest.moved(block.samples) | (block.after_motion & _ACCELEROMETER)
         begins = np.isin(sensor, sensor[moved[self.columns]])
         if begins.any() and not begins.all():
             return [replace(self.part(begins), moved=True), self.part(~begins)]

@@ -36,21 +36,20 @@ PLAUSIBLE = {
 
 def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
     """Find axes whose noise density, mean or spread is beyond `PLAUSIBLE`; code `implausible`."""
-    beyond = []
+    beyond: dict[str, list[tuple[str, float, float, str]]] = {}
     for name, axis in axes.items():
         limits = PLAUSIBLE[axis.quantity]
         noise = axis.coefficients.get('noise_density')
-        beyond += [(name, what, value, most, of) for what, value, most, of in (
+        beyond[name] = [(what, value, most, of) for what, value, most, of in (
             ('noise_density', noise.value if noise is not None else None,
              limits.noise_density, f'{axis.unit}/sqrt(Hz)'),
             ('mean', axis.mean, limits.mean, axis.unit),
             ('spread', axis.curve.adev[0] if axis.curve.adev else None, limits.spread, axis.unit))
             if value is not None and abs(value) > most]
     # Gravity tells counts from mg where noise does not.
-    counts = {axes[name].quantity for name, _, value, most, _ in beyond
+    counts = {axes[name].quantity for name, own in beyond.items() for _, value, most, _ in own
               if abs(value) > PLAUSIBLE[axes[name].quantity].factor * most}
-    first = {name: figures for name, *figures in reversed(beyond)}
     return [finding('implausible', (name,), what=what, value=value, limit=most, unit=of,
                     likely='counts' if (kind := axes[name].quantity) in counts
                     else PLAUSIBLE[kind].unit)
-            for name, (what, value, most, of) in reversed(first.items())]
+            for name, own in beyond.items() for what, value, most, of in own[:1]]

@@ -138,22 +138,18 @@ def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[
     coefficients of the whole-record parts.
     """
     whole = [section for section in sections if section.coefficients is not None]
-    times: list[Array] = [np.zeros(0)]
-    parts: list[Array] = []
-    for section in whole:
-        # 1024 points are enough for trends with a few dozen cycles in the record.
-        points = section.length if slowest is None else min(
-            section.length, max(1024, slowest + 1))
-        middle = (np.arange(points) + 0.5) * (section.length / points)
-        times.append(np.asarray((section.start + middle * section.step) * dt, np.float64))
-    # At all times of a record at once, of which there may be hundreds of parts.
-    every = np.concatenate(times)
-    values = np.stack([trend(every) for trend in trends])
-    ends = np.cumsum([len(time) for time in times])
-    for section, own in zip(whole, np.split(values, ends[:-1], axis=1)[1:], strict=True):
+    # 1024 points are enough for trends with a few dozen cycles in the record.
+    counts = [section.length if slowest is None else min(section.length, max(1024, slowest + 1))
+              for section in whole]
+    # There may be hundreds of parts, so each trend is computed at the times of all at once.
+    time = np.concatenate([np.zeros(0), *(
+        (section.start + (np.arange(count) + 0.5) * (section.length / count) * section.step) * dt
+        for section, count in zip(whole, counts, strict=True))])
+    values, parts = np.stack([trend(time) for trend in trends]), []
+    for section, count, end in zip(whole, counts, np.cumsum(counts).tolist(), strict=True):
         last = section.last if slowest is None else min(section.last, slowest + 1)
-        parts.append(dct(own, norm='ortho')[:, section.first:last].T
-                     * np.sqrt(section.length / own.shape[1]))
+        rows = dct(values[:, end - count:end], norm='ortho')
+        parts.append(rows[:, section.first:last].T * np.sqrt(section.length / count))
     blocks = 0 if slowest is not None else sum(
         section.last - section.first for section in sections if section.coefficients is None)
     return np.concatenate((*parts, np.zeros((blocks, len(trends)))))

@@ -55,9 +55,9 @@ class TemperatureSeries:
         jumps[self.begins] = self.celsius[self.begins] - self.celsius[self.begins - 1]
         jumps = np.cumsum(jumps)
         celsius = np.interp(time, self.time, self.celsius - jumps)
-        lagging = _ahead(celsius, lag_s, step) if lag_s > 0 else _behind(celsius, -lag_s, step)
+        sensor = _ahead(celsius, lag_s, step) if lag_s > 0 else _behind(celsius, -lag_s, step)
         return TemperatureSeries(
-            time, lagging + jumps[np.searchsorted(self.time, time, 'right') - 1])
+            time, sensor + jumps[np.searchsorted(self.time, time, 'right') - 1])
 
 
 def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
