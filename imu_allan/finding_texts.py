@@ -524,10 +524,11 @@ WORDS: Mapping[str, Words] = {
         says='only {recorded_s:time} of the {asked_s:time} asked for are recorded'),
     'ignored_columns': Words(
         'ignored columns', 'Columns of the table are not used.',
-        'Their names are not those of axes.',
-        says=lambda f: 'columns that name no axis were left out: {columns:list}' + (
+        'Their names are not those of axes, or --columns names other axes.',
+        says=lambda f: 'columns not read: {columns:list}' + (
             f', and {more:,} more' if (more := f['count'] - len(f['columns'])) > 0 else ''),
-        do='--columns gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what'),
+        do='--columns gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what; it has to '
+           'name all axes that shall be read'),
     'repeated_part': Words(
         'repeated part', 'A part that comes twice counts once.',
         'Stamps and values repeat those before.',

@@ -60,7 +60,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
                         help='of the table (default: %(default)s)')
     parser.add_argument('--verbose', action='store_true',
-                        help='findings in full, and terms that no axis shows, on a terminal too')
+                        help='findings in full, and terms that no axis shows')
     arguments.add_recording_options(parser)
     arguments.add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()

@@ -89,8 +89,8 @@ def _choice(recording: 'Recording') -> list[str]:
     try:
         topics = [printable(stream.topic) for stream in choose_streams(recording)]
     except ImuAllanError:
-        return ['not one IMU: choose a topic with --topic, or halves with --gyro-topic and '
-                '--accel-topic']
+        return ['not one IMU: choose a topic with --topic, all with --all-topics, or halves with '
+                '--gyro-topic and --accel-topic']
     if len(topics) == 1:
         return [f'read where no topic is named: {topics[0]}']
     return [f'one IMU in two halves: the gyroscope from {topics[0]}, the accelerometer from '

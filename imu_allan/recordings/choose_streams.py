@@ -59,7 +59,8 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
         raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
     elif len(names) > 1:
         raise ImuAllanError(
-            f'{path}: {len(names)} Imu topics; choose one with --topic: {_list_topics(recording)}')
+            f'{path}: {len(names)} Imu topics; choose one with --topic, or analyze each with '
+            f'--all-topics: {_list_topics(recording)}')
     else:
         [chosen] = names
     if names[chosen].count == 0:

@@ -88,6 +88,7 @@ def two_topics(tmp_path, model):
 
 
 def test_all_topics_are_analyzed_as_each_alone(two_topics, tmp_path, output_of, fails_with):
+    assert 'all with --all-topics' in output_of('info', two_topics)
     for option in (['--json', 'r.json'], ['--for', 'kalibr']):
         fails_with(f'{two_topics}: has 2 Imu topics, too many for {option[0]}; choose one with '
                    '--topic or use --output DIR', 'analyze', two_topics, '--all-topics', *option)

@@ -70,8 +70,8 @@ def test_what_cannot_be_known_is_asked_for(tmp_path):
     path = write(tmp_path / 'a.mcap', {
         '/a': block(250, 200, False, True), '/b': block(400, 200, True, False),
         '/c': block(400, 200, True, True)})
-    with refused(f'{path}: 3 Imu topics; choose one with --topic: /a (200 messages), /b (200 '
-                 'messages), /c (200 messages)'):
+    with refused(f'{path}: 3 Imu topics; choose one with --topic, or analyze each with '
+                 '--all-topics: /a (200 messages), /b (200 messages), /c (200 messages)'):
         read(path)
     assert read(path, '/c')[0] == '/c'
     assert read(path, gyro_topic='/b', accel_topic='/c')[0] == '/b, /c'

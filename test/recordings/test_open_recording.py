@@ -71,7 +71,8 @@ def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
 @pytest.mark.parametrize(('topics', 'topic', 'reason'), [
     ([], None, 'it holds no topics at all: the recording is empty'),
     ([('/b', 1, BARE), ('/a', 1, BARE)], None,
-     '2 Imu topics; choose one with --topic: /a (1 message), /b (1 message)'),
+     '2 Imu topics; choose one with --topic, or analyze each with --all-topics: '
+     '/a (1 message), /b (1 message)'),
     ([('/a', 1, BARE)], '/c', 'no topic /c; its Imu topics are /a (1 message)'),
     ([('/a', 1, BARE), ('/c', 1, b'', 'std_msgs/msg/Bool')], 'c',
      'topic /c is of type std_msgs/msg/Bool, not sensor_msgs/msg/Imu'),
@@ -177,7 +178,8 @@ def write_packed_db3(path):
 
 def test_each_of_several_topics_is_read_as_if_by_itself(tmp_path):
     path, rows = write_packed_db3(tmp_path / 'a'), np.arange(600)
-    assert refusal(path) == '3 Imu topics; choose one with --topic: /imu_0, /imu_1, /imu_2'
+    assert refusal(path) == ('3 Imu topics; choose one with --topic, or analyze each with '
+                             '--all-topics: /imu_0, /imu_1, /imu_2')
     with open_recording(path) as recording:
         for topic, malformed in ((0, [19]), (1, []), (2, [])):
             reader = recording.for_another_topic()

@@ -11,6 +11,7 @@ from bags import no_axes, NO_TIME, refusal, said, START_NS
 from characterized import AXES
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan import analyze
+from imu_allan.finding_messages import advice, sentence_of
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 import numpy as np
 import pytest
@@ -377,6 +378,13 @@ def test_times_of_another_form_are_no_numbers_and_reported(path, options):
         'the time. A time is a number or like 2024-06-24 19:02:59.75')
     block, _ = read(path, options=replace(named(gyro_x='gx'), rate_hz=100.0))
     assert block.header_ns.tolist() == [0, 10_000_000]
+
+
+def test_a_column_that_is_not_read_is_not_said_to_name_no_axis(path):
+    _, [remark] = read_text(path, 'time_s,Rate X,ax\n1,2,3\n2,3,4\n',
+                            options=named(gyro_x='Rate X deg/s'))
+    assert sentence_of(remark).endswith(': columns not read: ax')
+    assert advice(remark).endswith('it has to name all axes that shall be read')
 
 
 @pytest.mark.parametrize(('text', 'columns', 'seconds', 'samples'), [

@@ -113,8 +113,8 @@ def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
         lambda store, n: store.types[kind](
             imu(store, n), [imu(store, n + 1), imu(store, n + 2)]), 20)
     assert refusal(path) == (
-        '3 Imu topics; choose one with --topic: /sensor.left (20 messages), /sensor.others[0] (20 '
-        'messages), /sensor.others[1] (20 messages)')
+        '3 Imu topics; choose one with --topic, or analyze each with --all-topics: /sensor.left '
+        '(20 messages), /sensor.others[0] (20 messages), /sensor.others[1] (20 messages)')
     for name, first in (('left', 0), ('others[0]', 1), ('others[1]', 2)):
         messages, _ = read(path, f'/sensor.{name}')
         assert messages.samples.tobytes() == samples(22)[first:first + 20].tobytes()
