@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 import os
 import sys
-from typing import TextIO, TYPE_CHECKING
+from typing import Any, TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
 
@@ -34,6 +34,10 @@ def console_of(to: TextIO | None = None) -> 'Console':
             # That of rich ends the program with status 1, which is that of an error.
             raise BrokenPipeError
 
+        def print(self, *objects: Any, crop: bool = False, **options: Any) -> None:
+            # A table that is too wide is broken by the terminal, not cut.
+            super().print(*objects, crop=crop, **options)
+
     console = Quiet(file=to, highlight=False)
     if not console.is_terminal and not os.environ.get('COLUMNS', '').isdigit():
         console.width = _UNBROKEN
@@ -41,10 +45,19 @@ def console_of(to: TextIO | None = None) -> 'Console':
 
 
 def bare_table(*headings: 'str | Text', texts: int = 2) -> 'Table':
-    """Return a borderless table that fits 60 columns; the first `texts` columns hold text."""
+    """Return a borderless table that breaks no number; the first `texts` columns hold text."""
     from rich.table import Table
 
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    class Whole(Table):
+        def add_row(self, *cells: Any, **options: Any) -> None:
+            # Half of a number is another number. Names, which may be long, are not strings here.
+            super().add_row(*cells, **options)
+            for column, cell in zip(self.columns, cells, strict=True):
+                column.min_width = max([column.min_width or 0, *(
+                    len(word) for text in (column.header, cell) if isinstance(text, str)
+                    for word in text.split())])
+
+    table = Whole(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for place, heading in enumerate(headings):
         table.add_column(heading, justify='left' if place < texts else 'right', overflow='fold')
     return table

@@ -151,6 +151,22 @@ def test_results_look_on_a_terminal_or_in_a_pipe_as_they_did(
     assert_as_before('\n'.join([*lines, '']), f'snapshots/{name}.txt')
 
 
+@pytest.mark.parametrize('command', [
+    'check a.json --spec tactical_mems', 'report a.json b.json', 'report a.json b.json c.json',
+    'tune a.json'])
+def test_no_number_is_cut_in_two_on_a_narrow_terminal(
+        result_file, tmp_path, monkeypatch, ran, command):
+    monkeypatch.chdir(tmp_path)
+    for name in 'abc':
+        shutil.copy(result_file, f'{name}.json')
+    _, wide, error = ran(*command.split())
+    assert wide
+    assert not error
+    monkeypatch.setenv('COLUMNS', '40')
+    _, narrow, _ = ran(*command.split())
+    assert sorted(narrow.split()) == sorted(wide.split())
+
+
 def test_unit_operator_and_station_go_into_the_papers(result_file, tmp_path, ran):
     # What is not said stays as the result has it; a specification that is shipped has a name.
     save_result(replace(load_result(result_file),
