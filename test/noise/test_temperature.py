@@ -85,6 +85,18 @@ def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_reported(lag
     assert np.mean([one.coefficients[K].observable for one in found]) <= 0.25
 
 
+def test_a_warm_up_that_cannot_show_a_lag_has_the_slope_without_one():
+    # A lag of the exponential only scales it.
+    def warming(_):
+        return 20 + 10 * (1 - np.exp(-TIME / 900))
+
+    found = [one.trend.temperature for one in axes_at(
+        {N: 1e-3}, warming, lambda seed: 1e-3 * warming(seed), 6)]
+    assert [one.per_kelvin for one in found] == pytest.approx([1e-3] * 6, rel=0.05)
+    assert not any(one.lag_s for one in found)
+    assert np.mean([covers(one.ci95, 1e-3) for one in found]) > 0.6
+
+
 def test_what_a_lag_does_to_a_temperature_is_undone():
     celsius = 20 + 3 * np.sin(2 * np.pi * TIME / 1800)
     trend = TemperatureSeries(TIME[::16], lagging(celsius, 120.0)[::16])

@@ -300,8 +300,11 @@ class Whitened:
         place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
         share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
                  if kind.continuous and len(grid) > 1 else float(near.mean()))
-        return Found(kind, float(values[_largest(gains)]), _interval(values, gains),
-                     float(np.log(max(share, 1e-12))))
+        low, high = _interval(values, gains)
+        # A lag that is not seen counts as none. During a warm-up it would only scale the slope,
+        # whose interval does not include it. No other nuisance can be zero.
+        value = 0.0 if low <= 0 <= high else float(values[_largest(gains)])
+        return Found(kind, value, (low, high), float(np.log(max(share, 1e-12))))
 
     def _profile(self, number: int, gains: Array) -> tuple[Array, Array]:
         """Return nuisance values of a kind and their gains, refined around the best value."""
