@@ -193,8 +193,8 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
             key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
             for key in (*SLOW_TERMS, 'rate_ramp')}
     # The design column of unit white noise turns power into density, at every stage.
-    density = found.whole.power / found.whole.design[:, WHITE]
-    frequency = found.whole.frequency
+    density = found.with_lines.power / found.with_lines.design[:, WHITE]
+    frequency = found.with_lines.frequency
     passed = () if fitted.passed is None else tuple(np.interp(frequency, *fitted.passed).tolist())
     return with_model_curve(replace(
         base, band_limit_s=fitted.window_s, band_edge_hz=fitted.edge_hz,

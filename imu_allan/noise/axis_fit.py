@@ -39,14 +39,14 @@ class AxisFit:
     fit: AxisReport
     lines: list[Tone]    # lines that were left out of the spectrum, the strongest first
     groups: Groups    # the fitted spectrum, without the lines
-    whole: Groups    # the spectrum with the lines
+    with_lines: Groups    # the spectrum with the lines
     # Comparison of the segments; None if the record is too short to be split
     steadiness: stationarity.Steadiness | None = None
     segments: stationarity.SegmentPowers | None = None    # of all axes
     # The record with the trends of its mean; None for a joint fit of several records
     record: RecordSpectrum | None = None
     # Returns the spectra of quarters of the record; an empty list if they are too short
-    parts: Callable[[], list[Groups]] | None = None
+    quarters: Callable[[], list[Groups]] | None = None
     change: Change = STEADY    # of the white noise within the record
 
 
@@ -83,52 +83,49 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
     """
     sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
     axes = [axis for axis in range(finished.axes) if axis_fault(finished, sections, axis) is None]
-    found: list[AxisFit | None] = [None] * finished.axes
+    fits: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
-        return found
-    # Do not report a cycle that the temperature explains.
-    heat = [] if temperature is None else [
-        temperature.of_sensor(float(lag)).trend for lag in lags_of(temperature)]
+        return fits
     sources = _sources(finished, sections, axes, dt)
     bank = Bank(sources[0].record, kinds_of_trends(temperature))
-    sources = _without_cycles(sources, finished, heat, bank)
-    first = _weighed(sources, dt, bank)
-    for without in (_beside_ends, _without_found_cycle, _without_found_trends):
-        calm = [without(source, posterior, finished)
-                for source, posterior in zip(sources, first, strict=True)]
-        again = [number for number, source in enumerate(sources)
-                 if calm[number] is not source and calm[number].differs_from(source)]
-        for number, posterior in zip(again, _weighed([calm[number] for number in again], dt, bank),
-                                     strict=True):
-            first[number] = posterior
-        sources = calm
-    for axis, source, posterior in zip(axes, sources, first, strict=True):
-        found[axis] = _fitted(source, posterior, dt, temperature)
-    return found
+    sources = _without_cycles(sources, finished, temperature, bank)
+    fitted = _posteriors(sources, dt, bank)
+    # Each fit shows what else must be removed from the spectrum before it is fitted again.
+    for improved in (_beside_ends, _without_found_cycle, _without_found_trends):
+        before, sources = sources, [improved(source, posterior, finished)
+                                    for source, posterior in zip(sources, fitted, strict=True)]
+        changed = [number for number, (source, old) in enumerate(zip(sources, before, strict=True))
+                   if source.differs_from(old)]
+        again = _posteriors([sources[number] for number in changed], dt, bank)
+        for number, posterior in zip(changed, again, strict=True):
+            fitted[number] = posterior
+    for source, posterior in zip(sources, fitted, strict=True):
+        fits[source.axis] = _reported(source, posterior, dt, temperature)
+    return fits
 
 
-def _weighed(sources: Sequence['_Source'], dt: float, bank: Bank) -> list[Posterior]:
+def _posteriors(sources: Sequence['_Source'], dt: float, bank: Bank) -> list[Posterior]:
     """Compute the posteriors of some axes in one batch."""
-    return posteriors([source.capped for source in sources], dt,
+    return posteriors([source.groups for source in sources], dt,
                       [source.record for source in sources], bank) if sources else []
 
 
-def _fitted(source: '_Source', posterior: Posterior, dt: float,
-            temperature: TemperatureSeries | None) -> AxisFit:
+def _reported(source: '_Source', posterior: Posterior, dt: float,
+              temperature: TemperatureSeries | None) -> AxisFit:
     """Report one axis; withdraw a random walk that its quarters do not confirm."""
-    change = _change(posterior, source, dt)
+    change = _change_of_white_noise(posterior, source, dt)
     report = reported(replace(posterior, change=change), dt, temperature, source.record)
     walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable
-    if walks and (parts := source.parts()) \
-            and not random_walk_persists(posterior, [[part] for part in parts], dt):
+    if walks and (quarters := source.groups_of_quarters()) \
+            and not random_walk_persists(posterior, [[groups] for groups in quarters], dt):
         report = report.without_random_walk()
     if source.cycle is not None:
         report = replace(report, trend=replace(report.trend, cycle_s=source.cycle.period_s))
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)
-    beside = source.record.with_trends(
+    with_trends = source.record.with_trends(
         waveforms(posterior.models[0].trends, source.record.duration_s))
-    return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
-                   beside, source.parts, change)
+    return AxisFit(report, lines, source.without_lines, source.with_lines, source.steadiness,
+                   source.segments, with_trends, source.groups_of_quarters, change)
 
 
 @dataclass(frozen=True)
@@ -136,41 +133,39 @@ class _Source:
     """Spectra and statistics of one axis that its models are fitted to."""
 
     axis: int
-    whole: Groups
-    groups: Groups
-    record: RecordSpectrum
+    with_lines: Groups    # before anything was removed
+    without_lines: Groups
+    record: RecordSpectrum    # without all that was removed so far
     lines: list[Tone]
-    steady: stationarity.Steadiness | None
+    steadiness: stationarity.Steadiness | None
     segments: stationarity.SegmentPowers | None
-    # Index of this axis in the segments and the quarters
-    own: int
+    row: int    # of this axis in the segments and the quarters
     quarters: list[Part]
     cycle: SlowCycle | None = None
 
     @property
-    def capped(self) -> Groups:
+    def groups(self) -> Groups:
         """Return the spectrum, with fewer degrees of freedom where the noise changes."""
-        own = self.record.groups()
-        return own if self.steady is None else self.steady.capped(own)
+        return self._capped(self.record.groups())
+
+    def _capped(self, groups: Groups) -> Groups:
+        return groups if self.steadiness is None else self.steadiness.capped(groups)
 
     def differs_from(self, other: '_Source') -> bool:
         """Return whether the log likelihood of a model may differ by a tenth of a nat."""
-        if self.record.ends != other.record.ends:
+        new, old = self.groups, other.groups
+        if self.record.ends != other.record.ends or len(new.dof) != len(old.dof):
             return True
-        own, before = self.capped, other.capped
         # Samples that repeat exactly have powers of zero.
-        return len(own.dof) != len(before.dof) or bool(0.5 * np.abs(
-            own.dof * own.power - before.dof * before.power) @ (
-                1 / np.maximum(before.power, 1e-200)) > 0.1)
+        change = 0.5 * np.abs(new.dof * new.power - old.dof * old.power)
+        return bool(change @ (1 / np.maximum(old.power, 1e-200)) > 0.1)
 
-    def parts(self) -> list[Groups]:
+    def groups_of_quarters(self) -> list[Groups]:
         """Return the spectra of quarters of the record; an empty list if they are too short."""
-        found = [groups for part in self.quarters if (
-            groups := part.groups(self.own, lines_hz(self.lines))) is not None
+        found = [self._capped(groups) for part in self.quarters if (
+            groups := part.groups(self.row, lines_hz(self.lines))) is not None
             and len(groups.frequency) >= FEWEST_GROUPS]
-        if len(found) < len(self.quarters):
-            return []
-        return found if self.steady is None else [self.steady.capped(one) for one in found]
+        return found if len(found) == len(self.quarters) else []
 
     def detrended(self, finished: Estimator, record: RecordSpectrum, *trends: Waveform
                   ) -> '_Source':
@@ -180,13 +175,13 @@ class _Source:
         `record`: the spectrum without their leakage. `trends`: those besides the cycle.
         """
         parts = trends if self.cycle is None else (*trends, self.cycle.cycle.trend)
-        calm = detrended(finished.periodogram, self.axis, record.dt,
-                         lambda time: np.sum([part(time) for part in parts], axis=0))
-        segments = stationarity.segment_powers(calm)
+        periodogram = detrended(finished.periodogram, self.axis, record.dt,
+                                lambda time: np.sum([part(time) for part in parts], axis=0))
+        segments = stationarity.segment_powers(periodogram)
         return replace(
-            self, record=record, quarters=_quarters(calm, record.dt, finished), own=0,
-            steady=stationarity.steadiness(segments, 0, record.dt, lines_hz(self.lines))
-            if segments else self.steady)
+            self, record=record, quarters=_quarters(periodogram, record.dt, finished), row=0,
+            steadiness=stationarity.steadiness(segments, 0, record.dt, lines_hz(self.lines))
+            if segments else self.steadiness)
 
 
 def lines_hz(lines: Sequence[Tone]) -> list[float]:
@@ -197,43 +192,51 @@ def lines_hz(lines: Sequence[Tone]) -> list[float]:
 def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequence[int], dt: float
              ) -> list[_Source]:
     """Prepare every axis: exclude its lines, and compare the segments of the record."""
-    bins = bins_of(sections, dt, finished.interpolated_share)
-    segments = stationarity.segment_powers(finished.periodogram)
-    brief = stationarity.short_powers(finished.periodogram) if segments is None else None
+    bins, periodogram = bins_of(sections, dt, finished.interpolated_share), finished.periodogram
+    segments = stationarity.segment_powers(periodogram)
+    short = stationarity.short_powers(periodogram) if segments is None else None
     coarse = steps_hide_noise(finished)
-    quarters = _quarters(finished.periodogram, dt, finished) if brief is None else []
-    found = []
+    quarters = _quarters(periodogram, dt, finished) if short is None else []
+    sources = []
     for axis in axes:
-        whole = grouped(bins, axis)
-        lines, keep = find_lines(sections, bins, axis, dt, whole)
+        with_lines = grouped(bins, axis)
+        lines, keep = find_lines(sections, bins, axis, dt, with_lines)
         record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
-        own = segments
-        steady = stationarity.steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
-        if brief is not None and not coarse[axis]:
-            # Parts of a short record can only show that the noise changes, not that it is steady.
-            said = stationarity.steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
-            own, steady = (None, None) if said.steady else (brief, said)
-        groups = whole if keep.all() else replace(record, aligned=False).groups()
-        found.append(_Source(axis, whole, groups, record, lines, steady, own, axis, quarters))
+        compared = segments if short is None or coarse[axis] else short
+        steadiness = None if compared is None else stationarity.steadiness(
+            compared, axis, dt, lines_hz(lines), white_alone=compared is short)
+        # Parts of a short record can only show that the noise changes, not that it is steady.
+        if steadiness and steadiness.steady and compared is short:
+            compared, steadiness = None, None
+        without_lines = with_lines if keep.all() else replace(record, aligned=False).groups()
+        sources.append(_Source(axis, with_lines, without_lines, record, lines, steadiness,
+                               compared, axis, quarters))
+    return sources
+
+
+def _without_cycles(sources: Sequence[_Source], finished: Estimator,
+                    temperature: TemperatureSeries | None, bank: Bank) -> list[_Source]:
+    """Remove strong cycles, including those found on other axes, and slow lines."""
+    # A cycle that the temperature explains is none.
+    heat = [] if temperature is None else [
+        temperature.of_sensor(float(lag)).trend for lag in lags_of(temperature)]
+    records = [source.record.with_trends(heat) for source in sources]
+    own = [strong_cycle(record, lines_hz(source.lines), bank)
+           for source, record in zip(sources, records, strict=True)]
+    known_hz = [1 / cycle.period_s for cycle in own if cycle is not None]
+    found = []
+    for source, record, cycle in zip(sources, records, own, strict=True):
+        cycle = cycle or known_cycle(record, known_hz)
+        if cycle is not None:
+            source = _without_cycle(source, cycle, finished)
+        lines = vibrations(source.lines, cycle.period_s if cycle else None,
+                           source.record.sections, source.record.dt)
+        found.append(replace(source, record=without_lines(source.record, lines_hz(lines))))
     return found
 
 
-def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Waveform],
-                    bank: Bank) -> list[_Source]:
-    """Remove strong cycles, including those found on other axes, and slow lines."""
-    found = [strong_cycle(source.record.with_trends(beside), lines_hz(source.lines), bank)
-             for source in sources]
-    known = [1 / one.period_s for one in found if one is not None]
-    left = []
-    for source, own in zip(sources, found, strict=True):
-        cycle = own or known_cycle(source.record.with_trends(beside), known)
-        if cycle is not None:
-            source = replace(source, cycle=cycle).detrended(
-                finished, replace(cycle.record, trends=()))
-        lines = vibrations(source.lines, cycle.period_s if cycle else None,
-                           source.record.sections, source.record.dt)
-        left.append(replace(source, record=without_lines(source.record, lines_hz(lines))))
-    return left
+def _without_cycle(source: _Source, cycle: SlowCycle, finished: Estimator) -> _Source:
+    return replace(source, cycle=cycle).detrended(finished, replace(cycle.record, trends=()))
 
 
 def _beside_ends(source: _Source, posterior: Posterior, _: Estimator) -> _Source:
@@ -248,16 +251,16 @@ def _without_found_cycle(source: _Source, posterior: Posterior, finished: Estima
 
     Without those trends, `_without_cycles` may have missed it, or seen it as one wave.
     """
-    found = posterior.models[0].trends
-    frequencies_hz = [one.value for one in found if one.kind.key == 'slow_cycle']
+    trends = posterior.models[0].trends
+    frequencies_hz = [trend.value for trend in trends if trend.kind.key == 'slow_cycle']
     if source.cycle is not None or not frequencies_hz:
         return source
-    others = waveforms([one for one in found if one.kind.key != 'slow_cycle'],
+    others = waveforms([trend for trend in trends if trend.kind.key != 'slow_cycle'],
                        source.record.duration_s)
     cycle = known_cycle(source.record.with_trends(others), frequencies_hz)
     if cycle is None or len(cycle.cycle.sizes) <= 2:
         return source
-    return replace(source, cycle=cycle).detrended(finished, replace(cycle.record, trends=()))
+    return _without_cycle(source, cycle, finished)
 
 
 def _without_found_trends(source: _Source, posterior: Posterior, finished: Estimator) -> _Source:
@@ -269,21 +272,24 @@ def _without_found_trends(source: _Source, posterior: Posterior, finished: Estim
     return source.detrended(finished, source.record.without_leak(trend, noise), trend)
 
 
-def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
+def _change_of_white_noise(posterior: Posterior, source: _Source, dt: float) -> Change:
     """Estimate how much the level of the white noise changes between segments."""
-    if source.segments is None or source.steady is None:
+    segments = source.segments
+    if segments is None or source.steadiness is None:
         return STEADY
     best = posterior.models[0]
-    lam, white = expected(best)
-    frequency, at = source.segments.frequency / dt, np.log(best.spectra.frequency)
-    share = np.exp(np.interp(np.log(frequency), at, np.log(np.maximum(white, 1e-300) / lam)))
-    top = best.spectra.frequency[:posterior.edge][-1]
+    power, white = expected(best)
+    model_hz, band_hz = best.spectra.frequency, segments.frequency / dt
+    white_share = np.exp(np.interp(np.log(band_hz), np.log(model_hz),
+                                   np.log(np.maximum(white, 1e-300) / power)))
     # Drift leaks into the bands with less than half of the white noise.
-    below = (frequency <= top) & (source.segments.level(source.axis) > white.max() / 2)
-    ratio = stationarity.white_ratio(source.segments, source.axis, 1.0, 1 / share, below)
+    usable = (band_hz <= model_hz[:posterior.edge][-1]) & (
+        segments.level(source.axis) > white.max() / 2)
+    ratio = stationarity.white_ratio(segments, source.axis, 1.0, 1 / white_share, usable)
     if ratio is None or not ratio[0].all():
         return STEADY
-    return change_of(2 * np.log(ratio[0]), 2 * ratio[1])
+    amplitude, relative_error = ratio
+    return change_of(2 * np.log(amplitude), 2 * relative_error)
 
 
 def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[Part]:

@@ -61,19 +61,19 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     # Noise that changes within a record is as uncertain over all of them.
     change = max((one.change for one in records), key=lambda one: one.typical)
     report = reported(replace(posterior, change=change), dt)
-    if report.high_pass_hz is None and report.estimates[
-            'rate_random_walk'].observable and not _shows_in_parts(
-            posterior, records, dt):
+    walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable
+    if walks and not _shows_in_parts(posterior, records, dt):
         report = report.without_random_walk()
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = replace(report, high_pass_hz=max(corners_hz))
-    return AxisFit(report, _lines(records), groups, joined_groups([one.whole for one in records]))
+    with_lines = joined_groups([one.with_lines for one in records])
+    return AxisFit(report, _lines(records), groups, with_lines)
 
 
 def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:
     """Return whether a random walk persists without any one quarter, and without any records."""
-    quarters = [own for one in records if one.parts is not None and (own := one.parts())]
+    quarters = [own for one in records if one.quarters is not None and (own := one.quarters())]
     # Leave out one record of up to eight, of more an eighth of them.
     eighths = np.array_split(np.arange(len(quarters)), min(max(len(quarters), 1), 8))
     splits = [[[one for number in part.tolist() for one in quarters[number]] for part in eighths]

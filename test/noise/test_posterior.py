@@ -14,7 +14,7 @@ from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.maximum import maximise, non_negative
 from imu_allan.noise.posterior.prepared_spectra import prepared
-from imu_allan.noise.posterior.regression import mean, regressors
+from imu_allan.noise.posterior.regression import regress, regressors
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.groups import FLICKER, grouped, RANDOM_WALK, WHITE
 from imu_allan.noise.simulate import simulate
@@ -51,7 +51,7 @@ def test_likelihood_is_that_of_the_samples_without_what_is_known_of_their_mean(k
     def found(density, walking):
         theta = np.array([0.0, density, 0.0, walking])
         weight = groups.dof / (groups.design @ theta)
-        gain = mean(regressors([groups]), 1, weight[None])[0][0] if 'ramp' in known else 0.0
+        gain = regress(regressors([groups]), 1, weight[None])[0][0] if 'ramp' in known else 0.0
         return maximise(groups, fixed=dict(enumerate(theta))).loss - gain
 
     for other in ((2.0, 0.3), (0.1, 5.0), (1.0, 1e-6)):
@@ -139,7 +139,7 @@ def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
     x[search.TIME] = of.tables.terms[1].first[0] + 2.1
     x[search.ALPHA] = 0.93
     free, process = (search.LAW, search.ALPHA), (search.PROCESS, search.TIME)
-    rows = search.rows_of(of, 0, [search.Model(slots, x, family=2) for slots in (
+    rows = search.rows_of(of, 0, [search.Model(slots, x, low_pass=2) for slots in (
         [1], range(4), [1, *free], [1, 2, *process], [1, 2, search.LOW], [1, 2, search.HIGH],
         [*range(5), *process, search.LOW])])
     for part in batches(rows):
@@ -151,7 +151,7 @@ def test_gradients_are_those_of_the_loss_and_information_is_positive(spectra):
             step = np.zeros(SLOTS)
             step[slot] = 1e-5
             up, down = (losses(of, own, own.x + sign * step)[0] for sign in (1, -1))
-            expected = np.where(own.has[:, slot], (up - down) / 2e-5, 0.0)
+            expected = np.where(own.present[:, slot], (up - down) / 2e-5, 0.0)
             # The derivative of a trend that follows is left out, as its gain is at a maximum.
             np.testing.assert_allclose(gradient[:, slot], expected, rtol=0.02, atol=0.05)
 
@@ -179,7 +179,7 @@ def test_detection_limits_of_slow_terms_are_those_in_front_of_a_low_pass(corner)
     filtered = lfilter(*butter(3, 2 * corner), plain)[10_000:]
     groups = [grouped(bins_of_record(samples, 1 / RATE), 0)
               for samples in (plain[10_000:], filtered)]
-    in_front, behind = (prepared([one], 1 / RATE)[0].unit[0] for one in groups)
+    in_front, behind = (prepared([one], 1 / RATE)[0].limit[0] for one in groups)
     slow = [search.B, search.K]
     np.testing.assert_allclose(behind[slow] / in_front[slow], 1, rtol=0.35)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise.posterior.likelihood import losses_alone, Rows, Spectra
+from imu_allan.noise.posterior.likelihood import losses_and_means, Rows, Spectra
 import numpy as np
 from scipy.special import chdtri, gammaln, ndtri
 
@@ -53,34 +53,36 @@ def sample(spectra: Spectra, rows: Rows, counts: Ints) -> list[Draws]:
     """Draw `counts` times from each row by importance sampling, with fixed quasi-random points."""
     # Draw from a distribution that is wider than the Laplace approximation by this factor.
     wider = 1.15
-    half = np.linalg.cholesky(np.linalg.inv(rows.hessian))
-    spread = 0.5 * np.linalg.slogdet(rows.hessian)[1]
+    root = np.linalg.cholesky(np.linalg.inv(rows.hessian))
+    half_log_det = 0.5 * np.linalg.slogdet(rows.hessian)[1]
     many = replace(rows, hessian=rows.x[:, :0]).take(np.repeat(np.arange(len(rows)), counts))
-    ends = np.cumsum(counts)
+    parts = [slice(end - count, end)
+             for end, count in zip(np.cumsum(counts).tolist(), counts.tolist(), strict=True)]
     log_t = np.empty(len(many))
-    for number, (end, count) in enumerate(zip(ends.tolist(), counts.tolist(), strict=True)):
-        free = np.flatnonzero(rows.has[number])
-        normal, chi = _points(count, len(free))
-        scale = np.sqrt(_TAILS / chi)
-        own, d = slice(end - count, end), len(free)
-        many.x[own, free] += wider * scale[:, None] * (normal @ half[number][np.ix_(free, free)].T)
-        log_t[own] = (
+    for number, part in enumerate(parts):
+        free = np.flatnonzero(rows.present[number])
+        d = len(free)
+        normal, chi_square = _points(part.stop - part.start, d)
+        scale = np.sqrt(_TAILS / chi_square)
+        steps = normal @ root[number][np.ix_(free, free)].T
+        many.x[part, free] += wider * scale[:, None] * steps
+        log_t[part] = (
             gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
-            - d * np.log(wider) + spread[number]
+            - d * np.log(wider) + half_log_det[number]
             - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * scale**2 / _TAILS))
-    loss, *of_mean = losses_alone(spectra, many, many.x)
+    loss, sizes, errors = losses_and_means(spectra, many, many.x)
     drawn = []
-    for number, (x, each, size, error) in enumerate(zip(*(
-            np.split(array, ends[:-1]) for array in (many.x, -log_t - loss, *of_mean)),
-            strict=True)):
+    for number, part in enumerate(parts):
+        log_ratio = -log_t[part] - loss[part]
         # Within the limit, powers of the weights become equal soon.
-        log_weight = np.maximum(each - each.max(), -600.0)
+        log_weight = np.maximum(log_ratio - log_ratio.max(), -600.0)
         weight = np.exp(log_weight)
-        evidence = float(rows.prior[number] + each.max() + np.log(weight.mean()))
+        evidence = float(rows.prior[number] + log_ratio.max() + np.log(weight.mean()))
         while weight.sum()**2 < _FEWEST_DRAWS * float(weight @ weight):
             log_weight, evidence = 0.8 * log_weight, float(rows.evidence[number])
             weight = np.exp(log_weight)
-        drawn.append(Draws(x, weight / weight.sum(), evidence, size, error))
+        drawn.append(Draws(many.x[part], weight / weight.sum(), evidence, sizes[part],
+                           errors[part]))
     return drawn
 
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from imu_allan.arrays import Array, Bools
-from imu_allan.noise.posterior import thresholds_and_priors as thresholds
+from imu_allan.noise.posterior import likelihood, thresholds_and_priors as thresholds
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     B,
-    fitted_mean,
-    GENTLE_FAMILY,
     HIGH,
     K,
     LAW,
@@ -23,13 +21,11 @@ from imu_allan.noise.posterior.likelihood import (
     PLAIN,
     PROCESS,
     Q,
-    SLOWER,
     SMOOTH,
-    spectrum,
     TIME,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.shapes import cubic, FREE_SHAPES, TERM_SHAPES, WHITE
+from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, TERM_SHAPES, WHITE
 from imu_allan.noise.posterior.trend_search import Found, waveforms
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.leakage import Waveform
@@ -89,109 +85,100 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     ``correlation_time``; ``exponent`` and ``amplitude`` of slow noise whose exponent is not that
     of flicker; and ``corner``, in Hz, of a filter that removes the bias.
     """
-    models = posterior.models
+    models, best = posterior.models, posterior.models[0]
     weight = np.concatenate([model.weight * model.draws.share for model in models])
     x = np.concatenate([model.draws.x for model in models])
-    has = np.repeat(np.concatenate([model.row.has for model in models]),
-                    [len(model.draws.share) for model in models], axis=0)
-    size = _free_amplitudes(posterior, x, has)
-    amplitude, there = _amplitudes(posterior, x, has, size[:, 0])
+    present = np.repeat(np.concatenate([model.row.present for model in models]),
+                        [len(model.draws.share) for model in models], axis=0)
+    law, process = _free_amplitudes(best, x, present)
+    amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * best.limit
+    with_law = present[:, LAW]
+    if with_law.any():
+        amplitude[with_law, B] = _as_flicker(best, law[with_law], x[with_law, ALPHA])
+        present[with_law, B] = True
     # Output noise, added after a filter, is part of the level in its pass band.
     amplitude[:, N] = np.hypot(amplitude[:, N],
-                               np.where(there[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
+                               np.where(present[:, OUTPUT], amplitude[:, OUTPUT], 0.0))
     low, high = quantiles(amplitude[:, N], weight, (_ENDS[0], _ENDS[-1]))
     amplitude[:, N] *= posterior.change.factors(len(x))
-    unit = models[0].spectra.unit[int(models[0].row.of[0])]
-    found = {shape.key: _estimate(amplitude[:, k], there[:, k], weight,
-                                  thresholds.REPORTED if k == Q else thresholds.OBSERVABLE,
-                                  float(unit[k]))
-             for k, shape in enumerate(TERM_SHAPES) if shape.key in TERMS}
+    found = {shape.key: _estimate(
+        amplitude[:, k], present[:, k], weight,
+        thresholds.REPORTED if k == Q else thresholds.OBSERVABLE, float(best.limit[k]))
+        for k, shape in enumerate(TERM_SHAPES) if shape.key in TERMS}
     # Without its change over the record, which widens the interval but hides nothing.
     if low <= 0 or high / low > thresholds.WIDEST:
         found[WHITE] = replace(found[WHITE], observable=False)
-    law, process, alpha = has[:, LAW], has[:, PROCESS], x[:, ALPHA]
-    for key, values, own in (
-            ('sigma', size[:, 1], process),
-            ('correlation_time', np.exp(x[:, TIME]) * dt, process),
-            ('exponent', alpha, law),
-            ('amplitude', size[:, 0] * dt**((1 - alpha) / 2), law),
-            ('corner', np.exp(x[:, HIGH]) / dt, has[:, HIGH])):
-        found[key] = _estimate(values, own, weight, thresholds.REPORTED)
+    alpha = x[:, ALPHA]
+    for key, values, slot in (
+            ('sigma', process, PROCESS), ('correlation_time', np.exp(x[:, TIME]) * dt, PROCESS),
+            ('exponent', alpha, LAW), ('amplitude', law * dt**((1 - alpha) / 2), LAW),
+            ('corner', np.exp(x[:, HIGH]) / dt, HIGH)):
+        found[key] = _estimate(values, present[:, slot], weight, thresholds.REPORTED)
     return found
 
 
-def weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
-    """Return the total weight of the models for which `which` is true."""
-    return float(sum(model.weight for model in posterior.models if which(model)))
+def weight_of(posterior: Posterior, condition: Callable[[Drawn], bool]) -> float:
+    """Return the total weight of the models that meet a condition."""
+    return float(sum(model.weight for model in posterior.models if condition(model)))
 
 
 def bends(model: Drawn) -> bool:
     """Return whether a model has a detectable low-pass, or leaves the top unexplained."""
-    gentle = model.row.family[0] == GENTLE_FAMILY \
-        and model.row.x[0, LOW] > model.spectra.gentle[model.row.of[0]] - 0.7
-    return bool(model.row.edge[0] < model.spectra.dof.shape[1]
-                or (model.row.has[0, LOW] and not gentle))
+    row, spectra = model.row, model.spectra
+    gentle = row.low_pass[0] == EXPONENTIAL_AVERAGE \
+        and row.x[0, LOW] > spectra.gentlest_corner[model.spectrum] - 0.7
+    return bool(row.edge[0] < spectra.dof.shape[1] or (model.has(LOW) and not gentle))
 
 
 def drifts(model: Drawn) -> bool:
     """Return whether a model has anything slower than flicker."""
-    return bool(model.row.has[0, [*SLOWER, LAW]].any() or model.trends)
+    return bool(model.has(*likelihood.SLOWER, LAW) or model.trends)
 
 
-def _amplitudes(posterior: Posterior, x: Array, has: Bools, size: Array) -> tuple[Array, Bools]:
+def _free_amplitudes(best: Drawn, x: Array, present: Bools) -> list[Array]:
+    """Return the amplitudes of each free term in the draws, zero where absent."""
+    found = []
+    for number, (slot, nuisance) in enumerate(likelihood.FREE_SLOTS):
+        amplitude, own = np.zeros(len(x)), present[:, slot]
+        limits = best.spectra.free_log_limits[number][best.spectrum]
+        log_limit, _ = best.spectra.tables.terms[number].interpolated(
+            np.zeros(int(own.sum()), np.int64), x[own, nuisance], rows=limits[:, None])
+        amplitude[own] = np.exp(np.minimum(x[own, slot] + log_limit[:, 0], 60.0))
+        found.append(amplitude)
+    return found
+
+
+def _as_flicker(best: Drawn, amplitude: Array, alpha: Array) -> Array:
     """
-    Return the amplitudes of the terms in each draw, and whether they are present.
+    Return the flicker that stands for slow noise of other exponents.
 
-    `size`: amplitudes of slow noise with another exponent than flicker.
+    Their power is equal at the frequency that halves the information about flicker.
     """
-    best = posterior.models[0]
-    spectra, of = best.spectra, int(best.row.of[0])
-    unit = spectra.unit[of]
-    amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * unit
-    there = has[:, :PLAIN].copy()
-    law = has[:, LAW]
-    if law.any():
-        # Convert to flicker of equal power at the frequency that halves the information about it.
-        beside, x_beside = best.row.has.copy(), best.row.x.copy()
-        if not beside[0, B]:
-            # Far below the detection limit.
-            beside[0, B], x_beside[0, B] = True, -10.0
-        lam, slopes, used = spectrum(spectra, replace(best.row, has=beside), x_beside)
-        seen = slopes[np.searchsorted(used, B), 0] / lam[0]
-        known = np.cumsum(spectra.dof[of] * seen**2)
-        pivot = int(np.searchsorted(known, known[-1] / 2))
-        table = spectra.tables.terms[0]
-        place = table.place(np.zeros(int(law.sum()), np.int64), x[law, ALPHA])
-        value = cubic(table.rows[:, [pivot]], *place)[0][:, 0]
-        flicker = np.log(spectra.columns[of, B, pivot]) - 2 * np.log(unit[B])
-        amplitude[law, B] = size[law] * np.exp(
-            0.5 * (value + spectra.like[of, 0, pivot] - flicker))
-        there[law, B] = True
-    return amplitude, there
+    spectra, of = best.spectra, best.spectrum
+    present, x = best.row.present.copy(), best.row.x.copy()
+    if not present[0, B]:
+        # Far below the detection limit.
+        present[0, B], x[0, B] = True, -10.0
+    power, slopes, used = likelihood.model_spectrum(spectra, replace(best.row, present=present), x)
+    relative = slopes[np.searchsorted(used, B), 0] / power[0]
+    information = np.cumsum(spectra.dof[of] * relative**2)
+    middle = int(np.searchsorted(information, information[-1] / 2))
+    table = spectra.tables.terms[0]
+    law, _ = table.interpolated(
+        np.zeros(len(alpha), np.int64), alpha, rows=table.rows[:, [middle]])
+    flicker = np.log(spectra.design[of, B, middle]) - 2 * np.log(best.limit[B])
+    return np.asarray(amplitude * np.exp(
+        0.5 * (law[:, 0] + spectra.log_effect[of, 0, middle] - flicker)))
 
 
-def _free_amplitudes(posterior: Posterior, x: Array, has: Bools) -> Array:
-    """Return the amplitudes of the free terms in each draw, zero where absent."""
-    best = posterior.models[0]
-    spectra, of = best.spectra, int(best.row.of[0])
-    size = np.zeros((len(x), len(FREE_SHAPES)))
-    for k, table in enumerate(spectra.tables.terms):
-        slot = PLAIN + 2 * k
-        own = has[:, slot]
-        place = table.place(np.zeros(int(own.sum()), np.int64), x[own, slot + 1])
-        unit = cubic(spectra.sizes[k][of][:, None], *place)[0][:, 0]
-        size[own, k] = np.exp(np.minimum(x[own, slot] + unit, 60.0))
-    return size
-
-
-def _estimate(values: Array, there: Bools, weight: Array, least: float,
-              seen: float = 0.0) -> Estimate:
-    """Estimate presence, and the quantiles given presence; `seen` is the detection limit."""
-    presence = min(float(weight[there].sum() / weight.sum()), 1.0)
-    low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
+def _estimate(values: Array, present: Bools, weight: Array, least: float,
+              limit: float = 0.0) -> Estimate:
+    """Estimate presence, and the quantiles given presence; `limit` is the detection limit."""
+    presence = min(float(weight[present].sum() / weight.sum()), 1.0)
+    low, value, high = (quantiles(values[present], weight[present], _ENDS) if presence > 1e-9
                         else (0.0, 0.0, 0.0))
     # No bound is lower than 1.4 times the detection limit.
-    return Estimate(presence > least, value, low, high, max(high, 1.4 * seen), presence)
+    return Estimate(presence > least, value, low, high, max(high, 1.4 * limit), presence)
 
 
 def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
@@ -235,27 +222,26 @@ def ramp_of(posterior: Posterior, record: RecordSpectrum | None) -> Estimate:
     for model in posterior.models:
         if model.weight <= 0.01:
             continue
-        size, error, share = _regressed(model)
+        sizes, errors, share = _regressed(model)
         if record is not None and model.trends:
-            size, error = (each[None] for each in _with_nuisances(model, record))
+            sizes, errors = (each[None] for each in _with_nuisances(model, record))
             share = np.ones(1)
-        found.append((size[:, 0], error[:, 0], model.weight * share,
-                      np.full(len(share), model.row.has[0, K])))
-    size, error, weight, wandering = map(np.concatenate, zip(*found, strict=True))
+        found.append((sizes[:, 0], errors[:, 0], model.weight * share,
+                      np.full(len(share), model.has(K))))
+    size, error, weight, with_walk = map(np.concatenate, zip(*found, strict=True))
     if not np.isfinite([size, error]).all() or not size.any():
         return none
     # Standard normal quantiles of equal weight; the outermost lie beyond a 95 % interval.
     normal = ndtri((np.arange(64) + 0.5) / 64)
-    low, middle, high = quantiles((size[:, None] + error[:, None] * normal).ravel(),
+    low, median, high = quantiles((size[:, None] + error[:, None] * normal).ravel(),
                                   np.repeat(weight / len(normal), len(normal)), _ENDS)
     # The other sign is a matter of the tails, which a few quantiles do not resolve.
-    otherwise = ndtr(-size * np.sign(middle) / np.maximum(error, np.finfo(float).tiny))
+    opposite = ndtr(-size * np.sign(median) / np.maximum(error, np.finfo(float).tiny))
     # A random walk drifts as well: the ramp must be as certain in the models that contain one.
-    other = max(float(weight[own] @ otherwise[own] / weight[own].sum())
-                for own in (np.ones(len(wandering), dtype=bool), wandering) if own.any())
-    bound = max(abs(low), abs(high))
-    return Estimate(other < thresholds.CERTAIN_RAMP, middle, low, high, bound,
-                    max(1 - 2 * other, 0.0))
+    p_opposite = max(float(weight[own] @ opposite[own] / weight[own].sum())
+                     for own in (np.ones(len(with_walk), dtype=bool), with_walk) if own.any())
+    return Estimate(p_opposite < thresholds.CERTAIN_RAMP, median, low, high,
+                    max(abs(low), abs(high)), max(1 - 2 * p_opposite, 0.0))
 
 
 def reported_trends(posterior: Posterior, record: RecordSpectrum | None
@@ -267,36 +253,35 @@ def reported_trends(posterior: Posterior, record: RecordSpectrum | None
     """
     weight: dict[str, float] = defaultdict(float)
     for model in posterior.models:
-        for key in {one.kind.key for one in model.trends}:
+        for key in {trend.kind.key for trend in model.trends}:
             weight[key] += model.weight
     found: list[ReportedTrend] = []
     for model in posterior.models:
-        known = {one.trend.kind.key for one in found}
-        for number, one in enumerate(model.trends):
-            if one.kind.key in known or weight[one.kind.key] <= thresholds.REPORTED:
+        earlier = {one.trend.kind.key for one in found}
+        for number, trend in enumerate(model.trends):
+            if trend.kind.key in earlier or weight[trend.kind.key] <= thresholds.REPORTED:
                 continue
-            size, error, share = _regressed(model)
             # Of the regressors, the trends are the last.
-            left = sum(each.width for each in model.trends[number:])
-            columns = tuple((float(share @ size[:, k]), float(np.sqrt(
-                share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
-                for k in range(-left, one.width - left))
+            last = sum(each.width for each in model.trends[number:])
+            own = slice(-last, trend.width - last or None)
+            sizes, errors, share = _regressed(model)
+            size = share @ sizes[:, own]
+            error = np.sqrt(share @ (errors**2 + sizes**2)[:, own] - size**2)
             if record is not None:
-                _, beside = _with_nuisances(model, record)
-                columns = tuple((value, max(within, float(whole))) for (value, within), whole
-                                in zip(columns, beside[-left:], strict=False))
-            found.append(ReportedTrend(one, columns))
+                error = np.fmax(error, _with_nuisances(model, record)[1][own])
+            columns = zip(size.tolist(), error.tolist(), strict=True)
+            found.append(ReportedTrend(trend, tuple(columns)))
     return tuple(found)
 
 
 def _with_nuisances(model: Drawn, record: RecordSpectrum) -> tuple[Array, Array]:
     """Return sizes and standard errors of all regressors, beside nuisances that are not known."""
-    slopes = [slope for one in model.trends
-              for slope in one.kind.slopes(one.value, record.duration_s)]
+    slopes = [slope for trend in model.trends
+              for slope in trend.kind.slopes(trend.value, record.duration_s)]
     groups = record.groups(*slopes, *waveforms(model.trends, record.duration_s))
-    row = replace(model.row, of=np.zeros(1, np.int64))
-    spectra = model.spectra.with_regressors([groups], model.row.of)
-    _, _, size, covariance = fitted_mean(spectra, row, row.x)
+    spectra = model.spectra.with_regressors([groups], model.row.spectrum)
+    row = replace(model.row, spectrum=np.zeros(1, np.int64))
+    *_, size, covariance = likelihood.fitted_mean(spectra, row, row.x)
     return size[0, 0], np.sqrt(np.diag(covariance[0, 0]))
 
 
@@ -307,36 +292,35 @@ def fitted_trend(posterior: Posterior, record: RecordSpectrum) -> tuple[Waveform
     None if the model contains no trend but the ramp.
     """
     best = posterior.models[0]
-    if best.row.has[0, SMOOTH]:
+    if best.has(SMOOTH):
         # Smooth drift may be a listed trend that leaks into blocks, so prefer a model with trends.
         best = next((model for model in posterior.models if model.trends), best)
     if not best.trends:
         return None
-    trends = waveforms(best.trends, record.duration_s)
-    size, _, share = _regressed(best)
+    sizes, _, share = _regressed(best)
+    size, fitted = share @ sizes, record.with_trends(waveforms(best.trends, record.duration_s))
     noise = np.exp(np.interp(np.log(record.bins.frequency), np.log(best.spectra.frequency),
                              np.log(expected(best)[0])))
-    sizes, own = share @ size, record.with_trends(trends)
-    return own.mean(np.append(sizes[0], sizes[-len(own.trends):])), noise
+    return fitted.mean(np.append(size[0], size[-len(fitted.trends):])), noise
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:
     """Return the expected power of a model by group, and the power of its white noise."""
-    lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
-    return lam[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
+    power, slopes, used = likelihood.model_spectrum(model.spectra, model.row, model.row.x)
+    # The derivative by a log amplitude is twice the power of the term.
+    return power[0], slopes[np.isin(used, (N, OUTPUT)), 0].sum(axis=0) / 2
 
 
 def leaks_from_ends(posterior: Posterior, record: RecordSpectrum) -> bool:
     """Return whether quantization noise at both ends of a record is a tenth of a coefficient."""
-    model = next((one for one in posterior.models if one.row.has[0, Q]), None)
+    model = next((model for model in posterior.models if model.has(Q)), None)
     parts = sum(section.coefficients is not None for section in record.sections)
     # Each part between long gaps has ends of its own.
     if model is None or parts != 1:
         return False
-    unit = model.spectra.unit[int(model.row.of[0]), Q]
-    leak = np.exp(2 * model.row.x[0, Q]) * unit**2 * record.leak_of_ends
-    lam = np.interp(record.bins.frequency, model.spectra.frequency, expected(model)[0])
-    return bool((leak > 0.1 * lam).any())
+    leak = np.exp(2 * model.row.x[0, Q]) * model.limit[Q]**2 * record.leak_of_ends
+    power = np.interp(record.bins.frequency, model.spectra.frequency, expected(model)[0])
+    return bool((leak > 0.1 * power).any())
 
 
 def filtered(posterior: Posterior) -> Drawn | None:
@@ -348,23 +332,20 @@ def filtered(posterior: Posterior) -> Drawn | None:
 
 def passed_by(model: Drawn) -> tuple[Array, Array]:
     """Return frequencies, and the share of white noise that the filter of a model passes."""
-    row, spectra, of = model.row, model.spectra, int(model.row.of[0])
-    white = [slot for slot in (N, OUTPUT) if row.has[0, slot]]
-    whole = np.exp(2 * row.x[0, white]) @ spectra.columns[of, white]
+    row, spectra, of = model.row, model.spectra, model.spectrum
+    white = [slot for slot in (N, OUTPUT) if model.has(slot)]
+    in_front = np.exp(2 * row.x[0, white]) @ spectra.design[of, white]
     _, behind = expected(model)
     # No model describes the top above an edge, so it is as measured.
-    top = (np.arange(len(whole)) >= row.edge[0]) & (spectra.whole[of] > 0)
-    return spectra.frequency, np.where(top, spectra.power[of], behind) / whole
+    top = (np.arange(len(behind)) >= row.edge[0]) & (spectra.nominal_dof[of] > 0)
+    return spectra.frequency, np.where(top, spectra.power[of], behind) / in_front
 
 
 def window_of(model: Drawn, edge: int | None, dt: float) -> float:
     """Return the width of the boxcar that attenuates white noise like a model below an edge."""
-    spectra = model.spectra
-    below = spectra.frequency[:edge]
-    if model.row.has[0, LOW]:
-        table = spectra.tables.low_pass
-        value, _ = cubic(table.rows, *table.place(model.row.family, model.row.x[:, LOW]))
-        passed = np.exp(value[0, :len(below)])
+    below = model.spectra.frequency[:edge]
+    if model.has(LOW):
+        passed = np.exp(likelihood.log_low_pass(model.spectra, model.row)[:len(below)])
         at = int(np.argmin(np.abs(passed - 0.9)))
         if passed[at] < 1:
             # Samples are averages over dt already: the widths add in quadrature.

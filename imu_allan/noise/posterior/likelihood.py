@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior import shapes, thresholds_and_priors as priors
-from imu_allan.noise.posterior.regression import mean, regressors, residual_power
+from imu_allan.noise.posterior.regression import regress, regressors, residual_power
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 from scipy.special import digamma
@@ -31,14 +31,15 @@ PLAIN = len(shapes.TERM_SHAPES)
 Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME, LOW, HIGH = range(PLAIN, PLAIN + 6)
 SLOTS = HIGH + 1
-"""Parameters of a row: amplitudes of the terms, amplitude and nuisance of each free term, corners
-of the low-pass and of the high-pass."""
+"""Parameters of a row: log amplitudes of the terms, log amplitude and nuisance of each free term,
+log corners of the low-pass and of the high-pass."""
+FREE_SLOTS = (LAW, ALPHA), (PROCESS, TIME)
+"""Log amplitude and nuisance of each free term, in the order of `FREE_SHAPES`."""
 AMPLITUDES = np.array([*range(PLAIN), LAW, PROCESS])
 NUISANCES = np.array([ALPHA, TIME, LOW, HIGH])
 AT_OUTPUT = np.array([shape.at_output for shape in shapes.TERM_SHAPES])
 SLOWER = np.array([K, SMOOTH, PROCESS])
 """Slots of noise slower than flicker: random walk, smooth drift, Gauss-Markov process."""
-GENTLE_FAMILY = [shape.key for shape in shapes.LOW_PASSES].index('exponential_average')
 _WALL = 0.05
 """Standard deviation of the penalty on a nuisance beyond an end of its range."""
 _COSTLY = np.array([*np.flatnonzero(AT_OUTPUT), *NUISANCES])
@@ -50,25 +51,27 @@ class Spectra:
     """
     Spectra of several axes over the same bands, with everything that the posterior needs.
 
+    Amplitudes are in units of the detection limit of the term in the record.
+
     Attributes
     ----------
     frequency : ndarray, shape (groups,)
         In Hz.
     dof, power : ndarray, shape (spectra, groups)
         Degrees of freedom are zero where a line was left out.
-    whole : ndarray, shape (spectra, groups)
+    nominal_dof : ndarray, shape (spectra, groups)
         Degrees of freedom before they were reduced for model uncertainty.
-    columns : ndarray, shape (spectra, terms, groups)
-        Power of the terms at unit amplitude, which is the detection limit of the record.
-    unit : ndarray, shape (spectra, terms)
-        Detection limit in SI units.
-    like : ndarray, shape (spectra, free terms, groups)
-        Logarithm of the effect of gaps and record ends on a free term.
-    sizes : tuple of ndarray, shape (spectra, points)
+    design : ndarray, shape (spectra, terms, groups)
+        Power of the terms at their detection limits.
+    limit : ndarray, shape (spectra, terms)
+        Detection limit of the amplitude in SI units.
+    log_effect : ndarray, shape (spectra, free terms, groups)
+        Logarithm of the effect of gaps and record ends on the power of a free term.
+    free_log_limits : tuple of ndarray, shape (spectra, points)
         For each free term, the logarithm of its detection limit along its grid.
-    free : tuple of Table
+    free_tables : tuple of Table
         For each free term, its power at the detection limit; one shape per spectrum.
-    gentle : ndarray, shape (spectra,)
+    gentlest_corner : ndarray, shape (spectra,)
         Logarithm of the corner of the gentlest roll-off that can be detected.
     products : ndarray, shape (spectra, records * regressors * (1 + regressors), groups)
         `along` and `among` of `Groups`; each record has its own regressors.
@@ -82,13 +85,13 @@ class Spectra:
     frequency: Array
     dof: Array
     power: Array
-    whole: Array
-    columns: Array
-    unit: Array
-    like: Array
-    sizes: tuple[Array, ...]
-    free: tuple[shapes.Table, ...]
-    gentle: Array
+    nominal_dof: Array
+    design: Array
+    limit: Array
+    log_effect: Array
+    free_log_limits: tuple[Array, ...]
+    free_tables: tuple[shapes.Table, ...]
+    gentlest_corner: Array
     products: Array
     records: int
     tables: shapes.Tables
@@ -100,17 +103,18 @@ class Spectra:
         # The products are r of regressors with the coefficients and r^2 among each other.
         return int(np.sqrt(self.products.shape[1] // self.records))
 
-    def select(self, of: Ints) -> 'Spectra':
+    def select(self, which: Ints) -> 'Spectra':
         """Return a selection of the spectra."""
-        each = {key: getattr(self, key)[of] for key in (
-            'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products',
-            'unexplained')}
-        return replace(self, **each, sizes=tuple(size[of] for size in self.sizes),
-                       free=tuple(table.select(of) for table in self.free))
+        arrays = {key: getattr(self, key)[which] for key in (
+            'dof', 'power', 'nominal_dof', 'design', 'limit', 'log_effect', 'gentlest_corner',
+            'products', 'unexplained')}
+        return replace(self, **arrays,
+                       free_log_limits=tuple(limit[which] for limit in self.free_log_limits),
+                       free_tables=tuple(table.select(which) for table in self.free_tables))
 
-    def with_regressors(self, groups: Sequence[Groups], of: Ints) -> 'Spectra':
+    def with_regressors(self, groups: Sequence[Groups], which: Ints) -> 'Spectra':
         """Return a selection of the spectra, with the regressors of other groups."""
-        return replace(self.select(of), products=regressors(groups))
+        return replace(self.select(which), products=regressors(groups))
 
     def with_dof(self, dof: Array) -> 'Spectra':
         """Return the same spectra with other degrees of freedom."""
@@ -125,25 +129,25 @@ def half_octaves(frequency: Array) -> Ints:
 
 def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:
     """Return the loss above each edge with free levels by half-octave, shape (n, groups+1)."""
-    half = half_octaves(frequency)
-    new = np.concatenate(([True], half[1:] != half[:-1]))
-    number = np.cumsum(new) - 1
+    half_octave = half_octaves(frequency)
+    first = np.concatenate(([True], half_octave[1:] != half_octave[:-1]))
+    octave = np.cumsum(first) - 1
     # Many short runs give many groups of few degrees of freedom: groups of a band share a level.
     eighth = np.round(8 * np.log2(frequency / frequency[-1]))
-    band = np.cumsum(new | np.concatenate(([False], np.diff(eighth) != 0))) - 1
-    own = np.empty_like(dof)
-    for row, known, each in zip(own, dof, power, strict=True):
+    band = np.cumsum(first | np.concatenate(([False], np.diff(eighth) != 0))) - 1
+    losses = np.empty_like(dof)
+    for loss, own_dof, own_power in zip(losses, dof, power, strict=True):
         # A thousandth stands for zero degrees of freedom.
-        shared = np.maximum(np.bincount(band, known), 1e-3)
-        level = np.bincount(band, known * each) / shared
+        band_dof = np.maximum(np.bincount(band, own_dof), 1e-3)
+        level = np.bincount(band, own_dof * own_power) / band_dof
         # Cancels what a free level gains on average: half a nat where it is well determined.
-        gain = np.log(shared / 2) - digamma(shared / 2)
-        row[:] = 0.5 * known * (np.log(np.maximum(level, 1e-300)) + 1 + gain)[band]
-        octave = np.bincount(number, known)[number]
-        prior = np.log(priors.UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
-        row -= np.where(new & (octave > 0), prior, 0.0)
-    ends = np.zeros((len(own), 1))
-    return np.concatenate((np.cumsum(own[:, ::-1], axis=1)[:, ::-1], ends), axis=1)
+        gain = np.log(band_dof / 2) - digamma(band_dof / 2)
+        loss[:] = 0.5 * own_dof * (np.log(np.maximum(level, 1e-300)) + 1 + gain)[band]
+        octave_dof = np.bincount(octave, own_dof)[octave]
+        prior = np.log(priors.UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave_dof, 1.0)))
+        loss -= np.where(first & (octave_dof > 0), prior, 0.0)
+    from_edge = np.cumsum(losses[:, ::-1], axis=1)[:, ::-1]
+    return np.concatenate((from_edge, np.zeros((len(losses), 1))), axis=1)
 
 
 @dataclass
@@ -153,27 +157,27 @@ class Rows:
 
     Attributes
     ----------
-    of : ndarray of int, shape (rows,)
+    spectrum : ndarray of int, shape (rows,)
         Index of the spectrum that the model describes.
     x : ndarray, shape (rows, SLOTS)
         Parameters.
-    has : ndarray of bool, shape (rows, SLOTS)
+    present : ndarray of bool, shape (rows, SLOTS)
         Parameters that the model has.
-    family : ndarray of int, shape (rows,)
+    low_pass : ndarray of int, shape (rows,)
         Index of the low-pass, if there is one.
     edge : ndarray of int, shape (rows,)
         First of the groups that are left unexplained.
     prior : ndarray, shape (rows,)
         Log prior of the structure.
-    loss, hessian, evidence : ndarray
+    loss, hessian, evidence : ndarray, shapes (rows,), (rows, SLOTS, SLOTS) and (rows,)
         Set by `imu_allan.noise.posterior.evidence.maximise_rows`.
 
     """
 
-    of: Ints
+    spectrum: Ints
     x: Array
-    has: Bools
-    family: Ints
+    present: Bools
+    low_pass: Ints
     edge: Ints
     prior: Array
     loss: Array
@@ -182,7 +186,7 @@ class Rows:
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(self.of)
+        return len(self.spectrum)
 
     def take(self, which: Ints | Bools | list[int]) -> 'Rows':
         """Return a selection of the rows, by index or by mask."""
@@ -200,11 +204,11 @@ class Rows:
 
 
 def batches(rows: Rows) -> list[Ints]:
-    """Split rows into batches of similar structure that fit into the cache."""
-    key = rows.has[:, _COSTLY] @ (1 << np.arange(len(_COSTLY)))
-    order = np.argsort(key, kind='stable')
+    """Split rows into batches of similar structure that fit into the cache; return indices."""
+    structure = rows.present[:, _COSTLY] @ (1 << np.arange(len(_COSTLY)))
+    order = np.argsort(structure, kind='stable')
     found, begin = [], 0
-    for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
+    for end in (*(np.flatnonzero(np.diff(structure[order])) + 1).tolist(), len(order)):
         # A few rows are faster to compute in a batch with slots they lack than in their own.
         if end - begin >= 24 or end == len(order) > begin:
             # At most 256 rows stay in the cache.
@@ -213,67 +217,73 @@ def batches(rows: Rows) -> list[Ints]:
     return found
 
 
-def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
-             ) -> tuple[Array, Array, Ints]:
+def model_spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
+                   ) -> tuple[Array, Array, Ints]:
     """
     Return the expected power of rows, and its derivatives by the slots that occur in any of them.
 
     Returns
     -------
-    lam : ndarray, shape (rows, groups)
+    expected : ndarray, shape (rows, groups)
     jacobian : ndarray, shape (used slots, rows, groups)
         Derivatives; none without `slopes`, for rows that all describe the same spectrum.
     used : ndarray of int
         Slots of `jacobian`.
 
     """
-    has, of = rows.has, _shared(rows.of)
-    used = np.flatnonzero(has.any(axis=0))
-    place = {slot: number for number, slot in enumerate(used.tolist())}
+    present, of = rows.present, _shared(rows.spectrum)
+    used = np.flatnonzero(present.any(axis=0))
     shape = len(x), spectra.dof.shape[1]
     jacobian = np.empty((len(used) if slopes else 0, *shape))
-    level = np.where(has[:, :PLAIN], np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
+    by_slot = dict(zip(used.tolist(), jacobian, strict=slopes))
+    squares = np.where(present[:, :PLAIN], np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
+    # Noise of the sensor passes the filters; noise of the output is added behind them.
     if slopes:
-        body, behind = np.zeros(shape), np.zeros(shape)
+        sensor, output = np.zeros(shape), np.zeros(shape)
         for slot in used[used < PLAIN].tolist():
-            part = np.multiply(spectra.columns[of, slot], 2 * level[:, slot, None],
-                               out=jacobian[place[slot]])
-            total = behind if AT_OUTPUT[slot] else body
-            total += part
-        body *= 0.5
-        behind *= 0.5
+            slope = np.multiply(spectra.design[of, slot], 2 * squares[:, slot, None],
+                                out=by_slot[slot])
+            total = output if AT_OUTPUT[slot] else sensor
+            total += slope
+        sensor *= 0.5
+        output *= 0.5
     else:
-        body, behind = (level[:, own] @ spectra.columns[of[0], own]
-                        for own in (~AT_OUTPUT, AT_OUTPUT))
-    for k, table in enumerate(spectra.free):
-        slot = PLAIN + 2 * k
-        if slot in place:
-            value, slope = shapes.cubic(table.rows, *table.place(rows.of, x[:, slot + 1]), slopes)
-            value = np.exp(np.minimum(2 * x[:, slot, None], 120.0) + value)
-            value *= has[:, slot, None]
-            body += value
+        sensor, output = (squares[:, own] @ spectra.design[of[0], own]
+                          for own in (~AT_OUTPUT, AT_OUTPUT))
+    for (slot, nuisance), table in zip(FREE_SLOTS, spectra.free_tables, strict=True):
+        if slot in used:
+            power, slope = table.interpolated(rows.spectrum, x[:, nuisance], slopes)
+            power = np.exp(np.minimum(2 * x[:, slot, None], 120.0) + power)
+            power *= present[:, slot, None]
+            sensor += power
             if slopes:
-                np.multiply(value, 2, out=jacobian[place[slot]])
-                np.multiply(value, slope, out=jacobian[place[slot + 1]])
-    bends = [(slot, *shapes.cubic(table.rows, *table.place(family, x[:, slot]), slopes))
-             for slot, table, family in (
-                 (LOW, spectra.tables.low_pass, rows.family),
-                 (HIGH, spectra.tables.high_pass, np.zeros_like(rows.family))) if slot in place]
-    if bends:
-        response = np.exp(sum(value * has[:, slot, None] for slot, value, _ in bends))
-        body *= response
+                np.multiply(power, 2, out=by_slot[slot])
+                np.multiply(power, slope, out=by_slot[nuisance])
+    filters = [(slot, *table.interpolated(shape_index, x[:, slot], slopes))
+               for slot, table, shape_index in (
+                   (LOW, spectra.tables.low_pass, rows.low_pass),
+                   (HIGH, spectra.tables.high_pass, np.zeros_like(rows.low_pass)))
+               if slot in used]
+    if filters:
+        response = np.exp(sum(value * present[:, slot, None] for slot, value, _ in filters))
+        sensor *= response
+        for slot, slope in by_slot.items():
+            if slot < LOW and slot not in (Q, OUTPUT):
+                slope *= response
         if slopes:
-            for slot, number in place.items():
-                if slot < LOW and not (slot < PLAIN and AT_OUTPUT[slot]):
-                    jacobian[number] *= response
-            for slot, _, slope in bends:
-                np.multiply(body, slope, out=jacobian[place[slot]])
-    return np.maximum(body + behind, 1e-300), jacobian, used
+            for slot, _, slope in filters:
+                np.multiply(sensor, slope, out=by_slot[slot])
+    return np.maximum(sensor + output, 1e-300), jacobian, used
 
 
-def _shared(of: Ints) -> Ints:
+def log_low_pass(spectra: Spectra, row: Rows) -> Array:
+    """Return the log power response of the low-pass of a single row, shape (groups,)."""
+    return np.asarray(spectra.tables.low_pass.interpolated(row.low_pass, row.x[:, LOW])[0][0])
+
+
+def _shared(index: Ints) -> Ints:
     """Shorten an index that is the same for all rows to one entry, so that nothing is copied."""
-    return of[:1] if (of == of[0]).all() else of
+    return index[:1] if (index == index[0]).all() else index
 
 
 def _row_sums(values: Array, weights: Array) -> Array:
@@ -284,37 +294,37 @@ def _row_sums(values: Array, weights: Array) -> Array:
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
     """Return the negative log posterior of rows, its gradient and the Fisher information."""
-    value, slope, bend = log_prior(spectra, rows, x)
-    loss, gradient, information = -value, -slope, np.zeros((len(x), SLOTS, SLOTS))
-    for part in batches(rows):
-        some = rows.take(part)
-        lam, jacobian, used = spectrum(spectra, some, x[part])
-        weight, misfit = _weighed(spectra, some, lam)
-        products = spectra.products[_shared(some.of)]
-        gain, size, covariance = mean(products, spectra.records, weight)
-        about = residual_power(spectra.power[some.of], products, size, covariance)
-        weighed = (jacobian * (0.5 * weight / lam)).transpose(1, 0, 2)
-        loss[part] += misfit - gain
-        gradient[part[:, None], used] += np.matmul(weighed, (lam - about)[:, :, None])[..., 0]
-        information[part[:, None, None], used[:, None], used] = np.matmul(
-            weighed, jacobian.transpose(1, 2, 0))
+    log_density, slope, curvature = log_prior(spectra, rows, x)
+    loss, gradient, information = -log_density, -slope, np.zeros((len(x), SLOTS, SLOTS))
+    for batch in batches(rows):
+        some = rows.take(batch)
+        expected, jacobian, used = model_spectrum(spectra, some, x[batch])
+        products = spectra.products[_shared(some.spectrum)]
+        own_loss, weight, size, covariance = _regressed(spectra, some, expected, products)
+        residual = residual_power(spectra.power[some.spectrum], products, size, covariance)
+        weighted = (jacobian * (0.5 * weight / expected)).transpose(1, 0, 2)
+        loss[batch] += own_loss
+        gradient[batch[:, None], used] += np.matmul(
+            weighted, (expected - residual)[:, :, None])[..., 0]
+        information[batch[:, None, None], used[:, None], used] = np.matmul(
+            weighted, jacobian.transpose(1, 2, 0))
     diagonal = np.einsum('rii->ri', information)
-    diagonal += bend
-    gradient[~rows.has] = 0.0
-    information *= rows.has[:, :, None] & rows.has[:, None, :]
-    diagonal += ~rows.has
+    diagonal += curvature
+    gradient[~rows.present] = 0.0
+    information *= rows.present[:, :, None] & rows.present[:, None, :]
+    diagonal += ~rows.present
     return loss, gradient, information
 
 
-def fitted_mean(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array, Array]:
-    """Regress the mean beside rows: expected power, weights, sizes and covariance as in `mean`."""
-    lam, _, _ = spectrum(spectra, rows, x, slopes=False)
-    weight, _ = _weighed(spectra, rows, lam)
-    _, size, covariance = mean(spectra.products[_shared(rows.of)], spectra.records, weight)
-    return lam, weight, size, covariance
+def fitted_mean(spectra: Spectra, rows: Rows, x: Array
+                ) -> tuple[Array, Array, Array, Array, Array]:
+    """Return the expected power of rows of one spectrum, and the rest as from `_regressed`."""
+    expected, _, _ = model_spectrum(spectra, rows, x, slopes=False)
+    products = spectra.products[_shared(rows.spectrum)]
+    return expected, *_regressed(spectra, rows, expected, products)
 
 
-def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
+def losses_and_means(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
     """
     Return the negative log posterior of rows, without derivatives, and the mean beside them.
 
@@ -322,90 +332,101 @@ def losses_alone(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, 
     """
     loss = -log_prior(spectra, rows, x)[0]
     sizes, errors = np.empty((2, len(x), spectra.regressors))
-    for axis in np.unique(rows.of).tolist():
-        own = np.flatnonzero(rows.of == axis)
+    for spectrum in np.unique(rows.spectrum).tolist():
+        own = np.flatnonzero(rows.spectrum == spectrum)
         for part in batches(rows.take(own)):
-            here = own[part]
-            some = rows.take(here)
-            lam, _, _ = spectrum(spectra, some, x[here], slopes=False)
-            weight, misfit = _weighed(spectra, some, lam)
-            gain, size, covariance = mean(spectra.products[[axis]], spectra.records, weight)
-            loss[here] += misfit - gain
-            sizes[here] = size[:, 0]
-            errors[here] = np.sqrt(np.maximum(np.einsum('rii->ri', covariance[:, 0]), 0.0))
+            batch = own[part]
+            _, own_loss, _, size, covariance = fitted_mean(spectra, rows.take(batch), x[batch])
+            loss[batch] += own_loss
+            sizes[batch] = size[:, 0]
+            errors[batch] = np.sqrt(np.maximum(np.einsum('rii->ri', covariance[:, 0]), 0.0))
     return loss, sizes, errors
 
 
-def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
-    """Return the weights of groups below the edge of each row, and the loss without the mean."""
-    of, edge = _shared(rows.of), _shared(rows.edge)
+def _regressed(spectra: Spectra, rows: Rows, expected: Array, products: Array
+               ) -> tuple[Array, Array, Array, Array]:
+    """
+    Regress the mean beside rows, given their expected power and the products with regressors.
+
+    Returns: loss, weights of the groups, which are zero from the edge of each row on, sizes and
+    covariance as in `regress`.
+    """
+    of, edge = _shared(rows.spectrum), _shared(rows.edge)
     dof = spectra.dof[of]
-    if edge.min() < lam.shape[1]:
-        dof = dof * (np.arange(lam.shape[1]) < edge[:, None])
-    weight = dof / lam
-    twice = _row_sums(np.log(lam), dof) + _row_sums(weight, spectra.power[of])
-    return weight, 0.5 * twice + spectra.unexplained[rows.of, rows.edge]
+    if edge.min() < expected.shape[1]:
+        dof = dof * (np.arange(expected.shape[1]) < edge[:, None])
+    weight = dof / expected
+    twice = _row_sums(np.log(expected), dof) + _row_sums(weight, spectra.power[of])
+    misfit = 0.5 * twice + spectra.unexplained[rows.spectrum, rows.edge]
+    gain, size, covariance = regress(products, spectra.records, weight)
+    return misfit - gain, weight, size, covariance
 
 
 def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
     """Return the log prior of parameters, its gradient and its negative curvature, by slot."""
-    slope, bend = np.zeros(x.shape), np.zeros(x.shape)
+    slope, curvature = np.zeros(x.shape), np.zeros(x.shape)
     # Uniform in the logarithm of an amplitude above the detection limit.
-    there = rows.has[:, AMPLITUDES]
-    fall = there * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
+    present = rows.present[:, AMPLITUDES]
+    fall = present * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
     value = -np.log1p(fall).sum(axis=1)
     slope[:, AMPLITUDES] = 2 * fall / (1 + fall)
     # As for a nuisance, its range limits the uncertainty of what the record leaves open.
-    bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2 + there * 4 / priors.COVERED**2
-    exponent = rows.has[:, ALPHA]
-    if exponent.any():
+    curvature[:, AMPLITUDES] = 4 * fall / (1 + fall)**2 + present * 4 / priors.COVERED**2
+    with_exponent = rows.present[:, ALPHA]
+    if with_exponent.any():
         # Normal about the exponent of flicker.
-        off = exponent * (x[:, ALPHA] - 1) / priors.EXPONENT_SPREAD
-        value -= 0.5 * off**2 + exponent * np.log(priors.EXPONENT_SPREAD * np.sqrt(2 * np.pi))
-        slope[:, ALPHA] = -off / priors.EXPONENT_SPREAD
-        bend[:, ALPHA] = 1 / priors.EXPONENT_SPREAD**2
-    gentle = rows.has[:, LOW] & (rows.family == GENTLE_FAMILY)
+        spread = priors.EXPONENT_SPREAD
+        off = with_exponent * (x[:, ALPHA] - 1) / spread
+        value -= 0.5 * off**2 + with_exponent * np.log(spread * np.sqrt(2 * np.pi))
+        slope[:, ALPHA] = -off / spread
+        curvature[:, ALPHA] = 1 / spread**2
+    gentle = rows.present[:, LOW] & (rows.low_pass == shapes.EXPONENTIAL_AVERAGE)
     if gentle.any():
         # A roll-off too gentle to be detected counts like an amplitude below the detection limit.
-        fall = gentle * np.exp(4 * np.minimum(x[:, LOW] - spectra.gentle[rows.of], 10.0))
+        beyond = x[:, LOW] - spectra.gentlest_corner[rows.spectrum]
+        fall = gentle * np.exp(4 * np.minimum(beyond, 10.0))
         value -= np.log1p(fall)
         slope[:, LOW] = -4 * fall / (1 + fall)
-        bend[:, LOW] = 16 * fall / (1 + fall)**2
-    first, last = spectra.tables.ranges(rows.family)
-    nuisance = x[:, NUISANCES]
-    off = rows.has[:, NUISANCES] * (nuisance - np.clip(nuisance, first, last)) / _WALL
+        curvature[:, LOW] = 16 * fall / (1 + fall)**2
+    first, last = spectra.tables.ranges[:, rows.low_pass]
+    off = _beyond_range(x, first, last) * rows.present[:, NUISANCES] / _WALL
     value -= 0.5 * (off**2).sum(axis=1)
     slope[:, NUISANCES] -= off / _WALL
     # The range of a nuisance limits its uncertainty.
-    bend[:, NUISANCES] += 4 / (last - first)**2 + (off != 0) / _WALL**2
-    return value, slope, bend
+    curvature[:, NUISANCES] += 4 / (last - first)**2 + (off != 0) / _WALL**2
+    return value, slope, curvature
+
+
+def _beyond_range(x: Array, first: Array, last: Array) -> Array:
+    """Return by how much nuisances lie beyond the ends of their ranges, with the sign."""
+    return np.asarray(x[:, NUISANCES] - np.clip(x[:, NUISANCES], first, last))
 
 
 def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Bools:
     """Mark rows that have left the range of a nuisance towards a maximum still farther out."""
-    first, last = spectra.tables.ranges(rows.family)
-    nuisance = x[:, NUISANCES]
-    off = nuisance - np.clip(nuisance, first, last)
+    off = _beyond_range(x, *spectra.tables.ranges[:, rows.low_pass])
     outwards = (gradient[:, NUISANCES] - off / _WALL**2) * off < 0
-    return np.asarray((outwards & rows.has[:, NUISANCES]).any(axis=1))
+    return np.asarray((outwards & rows.present[:, NUISANCES]).any(axis=1))
 
 
 def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     """Return the log prior of the shapes of rows, their edges and the density of nuisances."""
-    has, groups = rows.has, len(spectra.frequency)
-    total = has[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
+    present, groups = rows.present, len(spectra.frequency)
+    total = present[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
     # Neither flicker nor slow noise with another exponent.
-    alone = ~has[:, [B, LAW]].any(axis=1)
-    total += np.log(priors.WITHOUT_FLICKER) * alone * has[:, SLOWER].sum(axis=1)
-    first, last = spectra.tables.ranges(rows.family)
+    alone = ~present[:, [B, LAW]].any(axis=1)
+    total += np.log(priors.WITHOUT_FLICKER) * alone * present[:, SLOWER].sum(axis=1)
+    exponent, _, low_pass, _ = range(len(NUISANCES))
+    first, last = spectra.tables.ranges[:, rows.low_pass]
     width = last - first
-    gentle = rows.family == GENTLE_FAMILY
-    width[gentle, 2] = (spectra.gentle[rows.of] - first[:, 2])[gentle]
-    width[:, 0] = 1.0    # The exponent has a normal prior instead of a uniform one.
+    gentle = rows.low_pass == shapes.EXPONENTIAL_AVERAGE
+    width[gentle, low_pass] = (spectra.gentlest_corner[rows.spectrum] - first[:, low_pass])[gentle]
+    width[:, exponent] = 1.0    # The exponent has a normal prior instead of a uniform one.
     law, process = (shape.prior for shape in shapes.FREE_SHAPES)
     odds = np.array([law * priors.EXPONENT_ODDS, process, 1.0, shapes.HIGH_PASSES[0].prior]
                     ) / np.maximum(width, 0.5)
-    odds[:, 2] *= np.array([shape.prior for shape in shapes.LOW_PASSES])[rows.family]
-    total += (has[:, NUISANCES] * np.log(odds)).sum(axis=1)
-    half = -half_octaves(spectra.frequency)[np.minimum(rows.edge, groups - 1)]
-    return np.asarray(total + (rows.edge < groups) * (priors.TOP + priors.PER_HALF_OCTAVE * half))
+    odds[:, low_pass] *= np.array([shape.prior for shape in shapes.LOW_PASSES])[rows.low_pass]
+    total += (present[:, NUISANCES] * np.log(odds)).sum(axis=1)
+    below_top = -half_octaves(spectra.frequency)[np.minimum(rows.edge, groups - 1)]
+    return np.asarray(
+        total + (rows.edge < groups) * (priors.TOP + priors.PER_HALF_OCTAVE * below_top))

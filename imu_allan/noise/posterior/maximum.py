@@ -36,9 +36,8 @@ class Solution(NamedTuple):
     loss: float
 
 
-def maximise(groups: Groups, start: Array | None = None, *,
-             fixed: dict[int, float] | None = None, detrend: bool = False,
-             tolerance: float = 1e-7) -> Solution:
+def maximise(groups: Groups, start: Array | None = None, *, fixed: dict[int, float] | None = None,
+             detrend: bool = False, tolerance: float = 1e-7) -> Solution:
     """
     Maximise the likelihood of the squared coefficients, (6) or (7) of docs/statistics.md.
 
@@ -86,43 +85,44 @@ def maximise(groups: Groups, start: Array | None = None, *,
     offset = groups.design[:, list(held)] @ np.array(list(held.values()))
     tiny = 1e-12 * float(groups.power.max(initial=0.0)) + 1e-300
     about = about_mean(groups) if detrend else None
-    power, part, value = groups.power, np.zeros(len(free)), np.inf
+    power, theta, loss = groups.power, np.zeros(len(free)), np.inf
     # Without starting values, expect the observed power.
     expected = np.maximum(power, tiny)
 
-    def at(part: Array) -> tuple[Array, float]:
-        total = offset + part @ design
-        total = np.where(total > 0, total, tiny)
-        return total, 0.5 * float(groups.dof @ (np.log(total) + power / total))
+    def at(theta: Array) -> tuple[Array, float]:
+        """Return the expected power and the loss."""
+        expected = offset + theta @ design
+        expected = np.where(expected > 0, expected, tiny)
+        return expected, 0.5 * float(groups.dof @ (np.log(expected) + power / expected))
 
     if start is not None:
-        part = start[free]
-        expected, value = at(part)
+        theta = start[free]
+        expected, loss = at(theta)
     # Limit the number of iterations, should the search not converge.
     for _ in range(60):
         if about is not None:
             power = about(expected).noise
-            value = at(part)[1] if np.isfinite(value) else value
+            loss = at(theta)[1] if np.isfinite(loss) else loss
         weighted = design * (groups.dof / expected**2)
         # The set of nonzero coefficients seldom changes between steps, so pass it as a guess.
-        goal = non_negative(weighted @ design.T, weighted @ (power - offset),
-                            np.flatnonzero(part).tolist())
-        there, share = goal, 1.0
-        reached, loss = at(there)
+        target = trial = non_negative(weighted @ design.T, weighted @ (power - offset),
+                                      np.flatnonzero(theta).tolist())
+        trial_expected, trial_loss = at(trial)
+        step = 1.0
         # Halve the step while the loss grows.
-        while loss > value + 1e-12 * abs(value) and share > 1e-3:
-            share /= 2
-            there = part + share * (goal - part)
-            reached, loss = at(there)
-        if loss > value:
+        while trial_loss > loss + 1e-12 * abs(loss) and step > 1e-3:
+            step /= 2
+            trial = theta + step * (target - theta)
+            trial_expected, trial_loss = at(trial)
+        if trial_loss > loss:
             break
-        gained = value - loss
-        part, expected, value = there, reached, loss
-        if gained < tolerance:
+        converged = loss - trial_loss < tolerance
+        theta, expected, loss = trial, trial_expected, trial_loss
+        if converged:
             break
-    theta = np.zeros(groups.design.shape[1])
-    theta[free], theta[list(held)] = part, list(held.values())
-    return Solution(theta, value)
+    solution = np.zeros(groups.design.shape[1])
+    solution[free], solution[list(held)] = theta, list(held.values())
+    return Solution(solution, loss)
 
 
 def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Array:
@@ -130,21 +130,21 @@ def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Ar
     root = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
     # Unit columns, with a ridge between those that cannot be distinguished.
     gram, target = gram / (root[:, None] * root), target / root
-    alone = np.eye(len(root))
-    gram += 1e-13 * alone
+    identity = np.eye(len(root))
+    gram += 1e-13 * identity
     active, x = np.ones(len(root), dtype=bool), target
     if positive:
         active[:] = False
         active[positive] = True
     # Limit the iterations, because near-collinear columns can make `gram` indefinite by rounding.
     for _ in range(4 * len(root) + 4):
-        both = active[:, None] & active
-        x = np.asarray(np.linalg.solve(np.where(both, gram, alone), target * active), np.float64)
-        rest = np.where(active, 0.0, target - gram @ x)
+        among_active = np.where(active[:, None] & active, gram, identity)
+        x = np.asarray(np.linalg.solve(among_active, target * active), np.float64)
+        downhill = np.where(active, 0.0, target - gram @ x)
         if x.min(initial=0.0) < 0:
             active[x.argmin()] = False
-        elif rest.max(initial=0.0) > 1e-10:
-            active[rest.argmax()] = True
+        elif downhill.max(initial=0.0) > 1e-10:
+            active[downhill.argmax()] = True
         else:
             break
     return np.asarray(np.maximum(x, 0.0) / root)

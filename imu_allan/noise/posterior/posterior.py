@@ -19,11 +19,10 @@ from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.draws import Draws, sample
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.level_change import Change, STEADY
-from imu_allan.noise.posterior.likelihood import LOW, Rows, Spectra
+from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, Rows, Spectra
 from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import best_of, KEPT, search_models
-from imu_allan.noise.posterior.shapes import cubic
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found
 from imu_allan.noise.record.groups import Groups
@@ -56,6 +55,20 @@ class Drawn:
     draws: Draws
     weight: float = 0.0
 
+    @property
+    def spectrum(self) -> int:
+        """Return the index of the model's own spectrum in `spectra`."""
+        return int(self.row.spectrum[0])
+
+    @property
+    def limit(self) -> Array:
+        """Return the detection limits of the terms in SI units, shape (terms,)."""
+        return np.asarray(self.spectra.limit[self.spectrum])
+
+    def has(self, *slots: int) -> bool:
+        """Return whether the model has any of some parameters."""
+        return bool(self.row.present[0, slots].any())
+
 
 @dataclass(frozen=True)
 class Posterior:
@@ -83,8 +96,7 @@ class Posterior:
     change: Change = STEADY
 
 
-def posteriors(groups: Sequence[Groups], dt: float,
-               records: Sequence[RecordSpectrum | None],
+def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpectrum | None],
                bank: Bank | None = None) -> list[Posterior]:
     """
     Compute the posteriors over the noise models of several axes.
@@ -95,16 +107,16 @@ def posteriors(groups: Sequence[Groups], dt: float,
     `TRENDS`.
     """
     spectra, starts = prepared(groups, dt)
-    found = search_models(spectra, starts, dt)
+    rows = search_models(spectra, starts, dt)
     axes = range(len(starts))
-    fitted = Fitted(spectra, found, np.array(axes), [()] * len(axes), groups)
+    fitted = Fitted(spectra, rows, np.array(axes), [()] * len(axes), groups)
     if bank is None and (some := next(filter(None, records), None)) is not None:
         bank = Bank(some)
-    if bank is not None and (more := fit_trends(spectra, starts, found, records, bank)):
+    if bank is not None and (more := fit_trends(spectra, starts, rows, records, bank)):
         fitted = fitted.joined(more)
-    judged = [_judged(fitted.spectra, fitted.rows.take(fitted.axis == axis).best())
+    judged = [_judged(fitted.spectra, fitted.rows.take(fitted.row_axis == axis).best())
               for axis in axes]
-    models = _drawn(_refitted(fitted, [factor for *_, factor in judged]), axes)
+    models = _drawn(_refitted(fitted, [divisors for *_, divisors in judged]), axes)
     return [Posterior(own, p_value, misfit, edge)
             for own, (p_value, misfit, edge, _) in zip(models, judged, strict=True)]
 
@@ -116,89 +128,93 @@ def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Arra
     Returns: probability, largest misfit and edge, as in `Posterior`. Also divisors for the degrees
     of freedom of groups, from misfit and model uncertainty.
     """
-    lam, weight, size, covariance = likelihood.fitted_mean(spectra, row, row.x)
-    dof = (weight * lam)[0]
-    ratio = residual_power(spectra.power[row.of], spectra.products[row.of], size,
-                           covariance)[0] / lam[0]
+    [expected], _, [weight], size, covariance = likelihood.fitted_mean(spectra, row, row.x)
+    residual = residual_power(spectra.power[row.spectrum], spectra.products[row.spectrum], size,
+                              covariance)[0]
+    # From here on, arrays by half-octave, except those by group: dof, octave and divisors.
+    dof = weight * expected
     _, octave = np.unique(likelihood.half_octaves(spectra.frequency), return_inverse=True)
     count: Array = np.bincount(octave, dof).astype(np.float64)
-    seen = count > 0.5
-    level = np.where(seen, np.bincount(octave, dof * ratio) / np.maximum(count, 1e-9), 1.0)
+    used = count > 0.5
     count = np.maximum(count, 1e-9)
+    level = np.where(used, np.bincount(octave, dof * (residual / expected)) / count, 1.0)
     # Wilson-Hilferty: the cube root of a chi-square is normal even for a few degrees of freedom.
-    normal = np.where(seen, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
-    free = max(int(seen.sum()) - int(row.has[0].sum()), 1)
+    normal = np.where(used, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
+    free = max(int(used.sum()) - int(row.present.sum()), 1)
     p_value = float(chi_square.survival(float(normal @ normal), free))
     # A deviation counts as sampling error up to a tail probability of 1e-3.
     high = chi_square.upper(1e-3, count) / count
     low = chi_square.lower(1e-3, count) / count
-    misfit = np.where(seen, np.maximum(level - high, low - level), 0.0)
-    edge = int(row.edge[0]) if row.edge[0] < lam.shape[1] else None
-    factor = np.ones(lam.shape[1])
+    misfit = np.where(used, np.maximum(level - high, low - level), 0.0)
+    divisors = np.ones(len(dof))
     if p_value < DESCRIBED:
-        place = np.arange(len(normal))
-        # Divide by the local chi-square, smoothed by a Gaussian of 1.5 half-octaves.
-        weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
-        local = (weight @ normal**2 + 1) / (weight.sum(axis=1) + 1)
-        factor *= np.maximum(local, 1.0)[octave]
-    removed = _removed(spectra, row)
-    if removed.any():
-        by_octave = np.zeros((len(count), len(dof)))
-        by_octave[octave, np.arange(len(dof))] = dof / count[octave]
-        _, slopes, used = likelihood.spectrum(spectra, row, row.x)
-        error = _shape_error(normal * np.sqrt(2 / count), count / 2, by_octave @ removed,
-                             by_octave @ (slopes[:, 0] / lam[0]).T,
-                             likelihood.log_prior(spectra, row, row.x)[2][0, used])
-        whole = np.bincount(octave, spectra.whole[row.of[0]])[octave]
-        factor *= 1 + whole * (error * removed)**2 / 2
-    return p_value, float(max(misfit.max(), 0.0)), edge, factor
+        divisors *= _local_chi_square(normal)[octave]
+    attenuation = _attenuation(spectra, row)
+    if attenuation.any():
+        mean = np.where(octave == np.arange(len(count))[:, None], dof / count[octave], 0.0)
+        _, slopes, parameters = likelihood.model_spectrum(spectra, row, row.x)
+        _, _, prior_information = likelihood.log_prior(spectra, row, row.x)
+        error = _shape_error(
+            normal * np.sqrt(2 / count), count / 2, mean @ attenuation,
+            mean @ (slopes[:, 0] / expected).T, prior_information[0, parameters])
+        nominal_dof = np.bincount(octave, spectra.nominal_dof[row.spectrum[0]])[octave]
+        divisors *= 1 + nominal_dof * (error * attenuation)**2 / 2
+    edge = int(row.edge[0]) if row.edge[0] < len(dof) else None
+    return p_value, float(max(misfit.max(), 0.0)), edge, divisors
 
 
-def _removed(spectra: Spectra, row: Rows) -> Array:
+def _local_chi_square(normal: Array) -> Array:
+    """Return the mean square of residuals around each half-octave, and at least 1."""
+    place = np.arange(len(normal))
+    # Smoothed by a Gaussian of 1.5 half-octaves, with one more residual of 1.
+    weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
+    return np.asarray(np.maximum((weight @ normal**2 + 1) / (weight.sum(axis=1) + 1), 1.0))
+
+
+def _attenuation(spectra: Spectra, row: Rows) -> Array:
     """Return how much the filter of a row attenuates each group, as a power of e."""
-    removed, edge = np.zeros(len(spectra.frequency)), int(row.edge[0])
-    if edge < len(removed):
+    attenuation, edge = np.zeros(len(spectra.frequency)), int(row.edge[0])
+    if edge < len(attenuation):
         # What attenuates the unexplained groups begins below them.
-        removed = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
-    if row.has[0, LOW]:
-        table = spectra.tables.low_pass
-        value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
-        removed = np.maximum(removed, -value[0])
-    return removed
+        attenuation = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
+    if row.present[0, LOW]:
+        attenuation = np.maximum(attenuation, -log_low_pass(spectra, row))
+    return attenuation
 
 
-def _shape_error(residual: Array, weight: Array, removed: Array, slopes: Array, known: Array
-                 ) -> float:
+def _shape_error(residual: Array, weight: Array, attenuation: Array, slopes: Array,
+                 prior_information: Array) -> float:
     """
     Estimate the relative error of a filter's power, for each factor e that it attenuates.
 
     By restricted likelihood, since the fit of the parameters hides a part of the error. Shapes are
-    (half-octaves,), of `slopes` by the parameters (half-octaves, parameters). `weight`: inverse
-    variance of the relative residuals. `known`: what the prior knows of the parameters.
+    (half-octaves,), of `slopes` by the parameters (half-octaves, parameters), of
+    `prior_information` (parameters,). `weight`: inverse variance of the relative residuals.
     """
-    tried = np.geomspace(1e-4, 1, 81)
-    weights = weight / (1 + weight * (tried[:, None] * removed)**2)
-    information = np.einsum('eh,hi,hj->eij', weights, slopes, slopes) + np.diag(known + 1e-9)
+    errors = np.geomspace(1e-4, 1, 81)
+    weights = weight / (1 + weight * (errors[:, None] * attenuation)**2)
+    information = np.einsum('eh,hi,hj->eij', weights, slopes, slopes) + np.diag(
+        prior_information + 1e-9)
     along = (weights * residual) @ slopes
     fitted = np.linalg.solve(information, along[:, :, None])[..., 0]
     log_density = 0.5 * (
         np.log(weights).sum(axis=1) - weights @ residual**2 + (along * fitted).sum(axis=1)
-        - np.linalg.slogdet(information)[1] - (np.log(tried / SHAPE_MEDIAN) / SHAPE_SPREAD)**2)
-    return float(np.sqrt(np.average(tried**2, weights=np.exp(log_density - log_density.max()))))
+        - np.linalg.slogdet(information)[1] - (np.log(errors / SHAPE_MEDIAN) / SHAPE_SPREAD)**2)
+    return float(np.sqrt(np.average(errors**2, weights=np.exp(log_density - log_density.max()))))
 
 
-def _refitted(fitted: Fitted, factors: Sequence[Array]) -> Fitted:
+def _refitted(fitted: Fitted, divisors: Sequence[Array]) -> Fitted:
     """
-    Fit the models again with degrees of freedom divided by the `factors` of each axis.
+    Fit the models again with fewer degrees of freedom, given divisors for the groups of each axis.
 
     Axes where no group counts less by a tenth or more stay as they are.
     """
-    again = np.array([bool((factor > 1.1).any()) for factor in factors])
+    again = np.array([bool((own > 1.1).any()) for own in divisors])
     if not again.any():
         return fitted
-    divisors = np.where(again[:, None], factors, 1.0)
-    spectra = fitted.spectra.with_dof(fitted.spectra.dof / divisors[fitted.axes])
-    own = again[fitted.axis]
+    by_axis = np.where(again[:, None], divisors, 1.0)
+    spectra = fitted.spectra.with_dof(fitted.spectra.dof / by_axis[fitted.spectrum_axis])
+    own = again[fitted.row_axis]
     rows = Rows.joined([fitted.rows.take(~own), maximise_rows(spectra, fitted.rows.take(own))])
     return replace(fitted, spectra=spectra, rows=rows)
 
@@ -206,16 +222,17 @@ def _refitted(fitted: Fitted, factors: Sequence[Array]) -> Fitted:
 def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
     """Draw from all models of each axis near its best, in one batch."""
     spectra, evidence = fitted.spectra, fitted.rows.evidence
-    top, total = (np.array([measure(evidence[fitted.axis == axis]) for axis in axes])
-                  for measure in (np.max, np.logaddexp.reduce))
-    rows = best_of(spectra, fitted.rows.take(evidence > top[fitted.axis] - KEPT), KEPT, 10)
-    own = fitted.axes[rows.of]
+    best, total = (np.array([measure(evidence[fitted.row_axis == axis]) for axis in axes])
+                   for measure in (np.max, np.logaddexp.reduce))
+    rows = best_of(spectra, fitted.rows.take(evidence > best[fitted.row_axis] - KEPT), KEPT, 10)
+    row_axis = fitted.spectrum_axis[rows.spectrum]
     # Draw most from the models of the largest weight, which set the interval ends.
-    weights = np.exp(rows.evidence - total[own])
+    weights = np.exp(rows.evidence - total[row_axis])
     counts = np.where(weights >= 0.2, 512, np.where(weights >= 0.03, 192, 48))
     found: list[list[Drawn]] = [[] for _ in axes]
     for i, draws in enumerate(sample(spectra, rows, counts)):
-        found[own[i]].append(Drawn(rows.take([i]), spectra, fitted.trends[rows.of[i]], draws))
+        found[row_axis[i]].append(
+            Drawn(rows.take([i]), spectra, fitted.trends[rows.spectrum[i]], draws))
     return [_weighted(models) for models in found]
 
 

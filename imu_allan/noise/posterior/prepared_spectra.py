@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior import likelihood
-from imu_allan.noise.posterior.likelihood import ALPHA, AMPLITUDES, AT_OUTPUT, N, PLAIN, Spectra
+from imu_allan.noise.posterior.likelihood import ALPHA, AT_OUTPUT, N, PLAIN, Spectra
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean, regressors
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, FREE_SHAPES, Table, tables, TERM_SHAPES
@@ -19,6 +19,8 @@ import numpy as np
 _KEYS = [shape.key for shape in TERM_SHAPES]
 _COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERM_SHAPES]
 """Column of the design for each term: its own, or that of the term in `like`."""
+_FREE_COLUMNS = [_KEYS.index(shape.like) for shape in FREE_SHAPES]
+"""The same for each free term."""
 
 
 class Start(NamedTuple):
@@ -35,54 +37,62 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     `groups`: spectra with the ramp as a regressor, and others where the mean follows a
     thermometer. `dt`: sample interval in seconds. Returns: also where the fits of each axis start.
     """
-    power, levels, slower = [], [], []
-    for one in groups:
-        first = maximise(one, detrend=True, tolerance=1e-3)
-        slower.append(of_slower_half(one))
-        # A stop band passes for the end of a steep slope, so that all groups together give far
-        # too strong a random walk.
-        expected = np.maximum(np.minimum(one.design @ first.theta, one.design @ slower[-1]),
-                              1e-300)
-        about = about_mean(one)(expected)
-        white = one.design[:, N]
-        # Lower power is only rounding error, or underflows when squared.
-        rounding = white * max(1e-24 * float((one.power / white).max()), 1e-100)
-        power.append(np.maximum(about.blocks, rounding))
-        levels.append(np.maximum(smoothed(one, about.noise, expected), rounding))
-    level = np.stack(levels)
-    nu = np.minimum(groups[0].frequency * dt, 0.5)
-    ratio = np.stack([shape.power(nu, 0.0) / TERM_SHAPES[own].power(nu, 0.0)
-                      for shape, own in zip(TERM_SHAPES, _COLUMNS, strict=True)])
-    design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
-    whole = np.stack([one.dof for one in groups])
-    passed = _passed(groups[0].frequency * dt, design[:, N], whole, np.stack(power), level,
-                     np.array([theta[N] for theta in slower]))
+    slower = np.stack([of_slower_half(one) for one in groups])
+    power, level = map(np.stack, zip(*map(_power_and_level, groups, slower), strict=True))
+    nu, frequency = np.minimum(groups[0].frequency * dt, 0.5), groups[0].frequency
+    design = np.stack([_designed(one, nu) for one in groups])
+    nominal_dof = np.stack([one.dof for one in groups])
+    passed = _passed(nu, design[:, N], nominal_dof, power, level, slower[:, N])
     # Groups with less than half of the power in the pass band count as filtered.
     stopped = passed < 0.5
     uncertainty = np.where(stopped, LEAK_KNOWN / passed, 0.0)
-    dof = whole / (1 + whole * uncertainty**2 / 2)
+    dof = nominal_dof / (1 + nominal_dof * uncertainty**2 / 2)
     # A filter attenuates noise of the sensor together with what hides it, but not output noise.
-    information = whole / 2 / (level / np.where(stopped, passed, 1.0))**2
-    seen = np.where(AT_OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
-    unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
-    table = tables(nu, groups[0].step, groups[0].length)
-    like = np.stack([np.log(np.maximum(
-        design[:, _KEYS.index(shape.like)]
-        / (TERM_SHAPES[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
-        for shape in FREE_SHAPES], axis=1)
-    sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
-    free = tuple(_in_units(own, like[:, k], sizes[k]) for k, own in enumerate(table.terms))
+    information = nominal_dof / 2 / (level / np.where(stopped, passed, 1.0))**2
+    of_term = np.where(AT_OUTPUT[:, None], (nominal_dof / 2 / level**2)[:, None],
+                       information[:, None])
+    squared_limit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, of_term))
+    every = tables(nu, groups[0].step, groups[0].length)
+    log_effect = _log_effect(design, nu, dt)
+    free_log_limits, free_tables = zip(*(
+        _free_term(table, log_effect[:, k], information)
+        for k, table in enumerate(every.terms)), strict=True)
     spectra = Spectra(
-        groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
-        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, N], information, whole),
-        regressors(groups), groups[0].records, table,
-        likelihood.unexplained_losses(groups[0].frequency, dof, np.stack(power)))
-    return spectra, [_start(*each) for each in zip(groups, unit, level, slower, strict=True)]
+        frequency, dof, power, nominal_dof, design * squared_limit[:, :, None],
+        np.sqrt(squared_limit), log_effect, free_log_limits, free_tables,
+        _gentlest_corner(nu, design[:, N], information, nominal_dof), regressors(groups),
+        groups[0].records, every, likelihood.unexplained_losses(frequency, dof, power))
+    return spectra, list(map(_start, groups, squared_limit, level, slower))
 
 
-def _scale(key: str, dt: float) -> float:
-    """Return the power of a term at sample interval `dt`, relative to an interval of 1 s."""
-    return {'noise_density': 1 / dt, 'bias_instability': 1.0}[key]
+def _power_and_level(groups: Groups, slower: Array) -> tuple[Array, Array]:
+    """Return the power without the ramp in blocks, and the smoothed noise about the mean."""
+    first = maximise(groups, detrend=True, tolerance=1e-3)
+    # A stop band passes for the end of a steep slope, so that all groups together give far too
+    # strong a random walk.
+    expected = np.maximum(np.minimum(groups.design @ first.theta, groups.design @ slower), 1e-300)
+    about = about_mean(groups)(expected)
+    white = groups.design[:, N]
+    # Lower power is only rounding error, or underflows when squared.
+    rounding = white * max(1e-24 * float((groups.power / white).max()), 1e-100)
+    return (np.maximum(about.blocks, rounding),
+            np.maximum(smoothed(groups, about.noise, expected), rounding))
+
+
+def _designed(groups: Groups, nu: Array) -> Array:
+    """Return the power of every term with coefficient 1, shape (terms, groups)."""
+    # The record affects a term without a column of its own like the term in `like`.
+    ratio = np.stack([shape.power(nu, 0.0) / TERM_SHAPES[column].power(nu, 0.0)
+                      for shape, column in zip(TERM_SHAPES, _COLUMNS, strict=True)])
+    return groups.design[:, _COLUMNS].T * ratio
+
+
+def _log_effect(design: Array, nu: Array, dt: float) -> Array:
+    """Return the effect of gaps and record ends on free terms, as in `Spectra`."""
+    # White noise of unit density has a power of 1/dt; flicker is the same at every rate.
+    undisturbed = np.stack([TERM_SHAPES[column].power(nu, 0.0) * (1 / dt if column == N else 1.0)
+                            for column in _FREE_COLUMNS])
+    return np.asarray(np.log(np.maximum(design[:, _FREE_COLUMNS] / undisturbed, 1e-300)))
 
 
 def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
@@ -96,12 +106,12 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
     low = np.searchsorted(octave, octave - 0.5)
     high = np.searchsorted(octave, octave + 0.5, 'right')
 
-    def between(values: Array) -> Array:
+    def over_octave(values: Array) -> Array:
         total = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray(total[high] - total[low])
 
-    return np.asarray((between(groups.dof * power / white) + 4 * expected / white)
-                      / (between(groups.dof) + 4) * white)
+    return np.asarray((over_octave(groups.dof * power / white) + 4 * expected / white)
+                      / (over_octave(groups.dof) + 4) * white)
 
 
 def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, least: Array
@@ -109,39 +119,38 @@ def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, lea
     """
     Return the power of groups relative to that of white noise in the pass band.
 
-    `least`, shape (spectra,): white noise of the slower half of the groups.
+    Shapes are (spectra, groups). `least`, shape (spectra,): white noise of the slower half of the
+    groups.
     """
-    passed = np.where(dof > 100, power, level) / white
+    relative = level / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
-    reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
+    reference = np.median(relative[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
     # The pass band of a very slow filter may lie below all of these.
     reference = np.maximum(reference, least)
-    passed = np.maximum(passed / reference[:, None], 1e-9)
+    passed = np.where(dof > 100, power, level) / white / reference[:, None]
     # No low-pass attenuates what lies below the peak, such as noise below a rising quantization.
-    return np.where(np.arange(len(nu)) < (level / white).argmax(axis=1)[:, None], 1.0, passed)
+    below_peak = np.arange(len(nu)) < relative.argmax(axis=1)[:, None]
+    return np.where(below_peak, 1.0, np.maximum(passed, 1e-9))
 
 
-def _just_seen(table: Table, like: Array, information: Array) -> Array:
-    """Return the log detection limit of a free term, shape (spectra, grid points)."""
-    squares = np.exp(2 * (table.rows[None] + like[:, None]))
-    return np.asarray(-0.25 * np.log(np.einsum('akg,ag->ak', squares, information)))
+def _free_term(table: Table, log_effect: Array, information: Array) -> tuple[Array, Table]:
+    """Return the log detection limits of a free term and its power there, as in `Spectra`."""
+    spectra, groups = log_effect.shape
+    rows = table.rows + log_effect[:, None]
+    log_limit = -0.25 * np.log(np.einsum('akg,ag->ak', np.exp(2 * rows), information))
+    return log_limit, replace(
+        table.select(np.zeros(spectra, np.int64)), start=np.arange(spectra) * table.count[0],
+        rows=(rows + 2 * log_limit[:, :, None]).reshape(-1, groups))
 
 
-def _in_units(table: Table, like: Array, size: Array) -> Table:
-    """Return the power of a free term at its detection limit, one shape per spectrum."""
-    of = np.zeros(len(like), np.int64)
-    rows = table.rows + like[:, None] + 2 * size[:, :, None]
-    return replace(table.select(of), rows=rows.reshape(-1, like.shape[1]),
-                   start=np.arange(len(like)) * table.count[0])
-
-
-def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
+def _gentlest_corner(nu: Array, white: Array, information: Array, dof: Array) -> Array:
     """Return the log corner of the gentlest roll-off that can be detected, by spectrum."""
+    # An exponential average attenuates by this over the square of its corner.
     bend = np.sin(np.pi * nu)**2
     weight = white**2 * information
     mean = (weight @ bend) / weight.sum(axis=1)
-    seen = np.sqrt(np.einsum('ag,ag->a', dof / 2, (bend - mean[:, None])**2))
-    return np.asarray(0.5 * np.log(np.maximum(seen, 4.0)))
+    contrast = np.sqrt(np.einsum('ag,ag->a', dof / 2, (bend - mean[:, None])**2))
+    return np.asarray(0.5 * np.log(np.maximum(contrast, 4.0)))
 
 
 def of_slower_half(groups: Groups) -> Array:
@@ -151,13 +160,13 @@ def of_slower_half(groups: Groups) -> Array:
     return maximise(groups.below(below), fixed={0: 0.0}, detrend=True, tolerance=1e-2).theta
 
 
-def _start(groups: Groups, unit: Array, level: Array, slower: Array) -> Start:
+def _start(groups: Groups, squared_limit: Array, level: Array, slower: Array) -> Start:
     """Start from the fit of the terms to the slower half of the groups."""
     x = np.zeros(likelihood.SLOTS)
     white = level / groups.design[:, N]
     theta = slower[_COLUMNS]
     theta[N] = max(theta[N], float(np.quantile(white, 0.05)))
     # Start no term below its detection limit.
-    x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, 1.5))
+    x[:PLAIN] = 0.5 * np.log(np.maximum(theta / squared_limit, 1.5))
     x[ALPHA] = 1.0
     return Start(x, white)

@@ -11,9 +11,10 @@ agree on its strength. If they show it together, it must remain without any one 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior.evidence import maximise_rows
-from imu_allan.noise.posterior.likelihood import B, K, LAW, N, PLAIN, spectrum
-from imu_allan.noise.posterior.posterior import Posterior
+from imu_allan.noise.posterior.likelihood import B, K, LAW, model_spectrum, N, PLAIN, Rows, Spectra
+from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.thresholds_and_priors import UNEVEN
 from imu_allan.noise.record.groups import Groups, joined_groups
@@ -32,42 +33,63 @@ def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]]
     if not all(groups.power.any() for part in parts for groups in part):
         # The axis is constant in one part.
         return False
-    joined, count = [joined_groups(part) for part in parts], len(parts)
-    together = joined_groups(joined, apart=True)
-    order = np.argsort(np.concatenate([one.frequency for one in joined]), kind='stable')
-    own = np.arange(count)[:, None] == np.repeat(
-        np.arange(count), [len(one.frequency) for one in joined])[order]
-    model = next(model for model in posterior.models if model.row.has[0, K])
-    spectra, _ = prepared([together], dt)
-    record, of = model.spectra, int(model.row.of[0])
-    known = np.interp(np.log(spectra.frequency), np.log(record.frequency),
-                      record.dof[of] / np.maximum(record.whole[of], 1e-9))
-    # Reduce the degrees of freedom of parts where no model describes the whole record.
-    dof = np.minimum(spectra.dof, spectra.whole * known)
+    model = next(model for model in posterior.models if model.has(K))
+    spectra, part_groups = _side_by_side(parts, model, dt)
+    count = len(parts)
     # Fit each part alone, all but one, and all; the latter two also without random walk.
-    seen = np.concatenate((own, ~own, np.ones_like(own[:1])))
-    spectra = spectra.select(np.zeros(len(seen), np.int64)).with_dof(dof * seen)
-    which = np.concatenate((np.arange(len(seen)), np.arange(count, len(seen))))
-    flicker = np.arange(len(which)) >= len(seen)
-    rows = model.row.take(np.zeros(len(which), np.int64))
-    x, has = rows.x.copy(), rows.has.copy()
-    x[:, :PLAIN] += np.log(record.unit[of] / spectra.unit[0])
-    x[:, K] = np.maximum(x[:, K], 0.0)
-    x[flicker, B] = np.maximum(x[flicker, B], 1.0)
-    has[flicker, K] = False
-    has[flicker, B] |= not model.row.has[0, LAW]
-    edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[rows.edge])
-    rows = replace(rows, of=which, x=x, has=has, edge=edge, prior=np.zeros(len(which)))
-    # Parts may differ in their white noise, which says nothing of the random walk.
-    lam, slopes, used = spectrum(spectra, rows.take([2 * count]), x[[2 * count]])
-    white = spectra.dof[-1] * (slopes[np.searchsorted(used, N), 0] / 2 / lam[0])**2
-    level = (own @ (white * spectra.power[-1] / lam[0])) / np.maximum(own @ white, 1e-9)
-    columns = spectra.columns.copy()
-    columns[:, N] *= np.where(level > 0, level, 1.0) @ own
-    loss = maximise_rows(replace(spectra, columns=columns), rows).loss
-    alone, without, [whole], still, [whole_still] = np.split(
-        loss, [count, 2 * count, 2 * count + 1, 3 * count + 1])
+    subsets = np.concatenate((part_groups, ~part_groups, np.ones_like(part_groups[:1])))
+    spectra = spectra.select(np.zeros(len(subsets), np.int64)).with_dof(spectra.dof * subsets)
+    subset = np.arange(len(subsets))
+    rows = _started(model, spectra, np.concatenate((subset, subset[count:])),
+                    with_walk=len(subsets))
+    design = _levelled(spectra, rows.take([len(subsets) - 1]), part_groups)
+    loss = maximise_rows(replace(spectra, design=design), rows).loss
+    alone, without_one, [together], without_walk, [together_without_walk] = np.split(
+        loss, np.cumsum([count, count, 1, count]))
     # Leaving parts out is a test only if all parts together show the random walk. They need not,
     # unless the mean is known to move: then it may have moved once more.
-    shown = (without <= still).all() if whole < whole_still else not model.trends
-    return bool(shown and whole - alone.sum() < UNEVEN)
+    shown = ((without_one <= without_walk).all() if together < together_without_walk
+             else not model.trends)
+    return bool(shown and together - alone.sum() < UNEVEN)
+
+
+def _side_by_side(parts: Sequence[Sequence[Groups]], model: Drawn, dt: float
+                  ) -> tuple[Spectra, Bools]:
+    """Return the parts as one spectrum, and which of its groups each has, (parts, groups)."""
+    joined = [joined_groups(part) for part in parts]
+    number = np.repeat(np.arange(len(parts)), [len(one.frequency) for one in joined])
+    order = np.argsort(np.concatenate([one.frequency for one in joined]), kind='stable')
+    spectra, _ = prepared([joined_groups(joined, apart=True)], dt)
+    # Reduce the degrees of freedom of parts where no model describes the whole record.
+    record, of = model.spectra, model.spectrum
+    described = np.interp(np.log(spectra.frequency), np.log(record.frequency),
+                          record.dof[of] / np.maximum(record.nominal_dof[of], 1e-9))
+    dof = np.minimum(spectra.dof, spectra.nominal_dof * described)
+    return replace(spectra, dof=dof), np.arange(len(parts))[:, None] == number[order]
+
+
+def _started(model: Drawn, spectra: Spectra, subsets: Ints, with_walk: int) -> Rows:
+    """Return a row for each subset that starts from a model, only the first with random walk."""
+    rows = model.row.take(np.zeros(len(subsets), np.int64))
+    x, present = rows.x.copy(), rows.present.copy()
+    x[:, :PLAIN] += np.log(model.limit / spectra.limit[0])
+    x[:, K] = np.maximum(x[:, K], 0.0)
+    # Flicker takes the place of the random walk.
+    x[with_walk:, B] = np.maximum(x[with_walk:, B], 1.0)
+    present[with_walk:, K] = False
+    present[with_walk:, B] |= not model.has(LAW)
+    edge_hz = np.append(model.spectra.frequency, np.inf)[rows.edge]
+    return replace(rows, spectrum=subsets, x=x, present=present, prior=np.zeros(len(subsets)),
+                   edge=np.searchsorted(spectra.frequency, edge_hz))
+
+
+def _levelled(spectra: Spectra, row: Rows, part_groups: Bools) -> Array:
+    """Return the design with white noise as strong in each part as beside a row of all parts."""
+    # Parts may differ in their white noise, which says nothing of the random walk.
+    power, slopes, used = model_spectrum(spectra, row, row.x)
+    weight = spectra.dof[-1] * (slopes[np.searchsorted(used, N), 0] / 2 / power[0])**2
+    observed = part_groups @ (weight * spectra.power[-1] / power[0])
+    level = observed / np.maximum(part_groups @ weight, 1e-9)
+    design = spectra.design.copy()
+    design[:, N] *= np.where(level > 0, level, 1.0) @ part_groups
+    return design

@@ -34,9 +34,11 @@ def regressors(groups: Sequence[Groups]) -> Array:
     return np.stack(found)
 
 
-def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Array]:
+def regress(products: Array, records: int, weight: Array) -> tuple[Array, Array, Array]:
     """
     Regress on the regressors of the mean with weights of shape (rows, groups).
+
+    `products`: as from `regressors`, of a single spectrum or one for each row.
 
     Returns
     -------
@@ -46,50 +48,51 @@ def mean(products: Array, records: int, weight: Array) -> tuple[Array, Array, Ar
     covariance : ndarray, shape (rows, records, regressors, regressors)
 
     """
-    found = weight @ products[0].T if len(products) == 1 else np.matmul(
+    sums = weight @ products[0].T if len(products) == 1 else np.matmul(
         products, weight[:, :, None])
-    found = found.reshape(len(weight), records, -1)
-    count = int(np.sqrt(found.shape[2]))
+    sums = sums.reshape(len(weight), records, -1)
+    # The n elements of b, then the n^2 elements of A
+    count = int(np.sqrt(sums.shape[2]))
     if count == 1:
-        target, gram = found[:, :, :1], found[:, :, 1:]
-        single = np.where(gram > 0, gram, 1.0)
-        gain = 0.5 * (target * (target / single) - np.log(single)).sum(axis=(1, 2))
-        return gain, target / single, (1 / single)[..., None]
-    # One contiguous array per element of the matrix [[A, b], [b', 0]].
-    found = np.ascontiguousarray(found.transpose(2, 0, 1))
-    table = np.zeros((count + 1, count + 1, *found.shape[1:]))
-    table[:count, :count] = found[count:].reshape(count, count, *found.shape[1:])
-    table[:count, count] = table[count, :count] = found[:count]
-    norm = table[range(count), range(count)]
+        target, gram = sums[:, :, :1], sums[:, :, 1:]
+        gram = np.where(gram > 0, gram, 1.0)
+        size = target / gram
+        return 0.5 * (target * size - np.log(gram)).sum(axis=(1, 2)), size, (1 / gram)[..., None]
+    # The matrix [[A, b], [b', 0]], with one contiguous array, shape (rows, records), per element
+    sums = np.ascontiguousarray(sums.transpose(2, 0, 1))
+    matrix = np.zeros((count + 1, count + 1, *sums.shape[1:]))
+    matrix[:count, :count] = sums[count:].reshape(count, count, *sums.shape[1:])
+    matrix[:count, count] = matrix[count, :count] = sums[:count]
+    norm = matrix[range(count), range(count)]
     # The ridge removes regressors that are zero in all groups, or nothing but rounding error.
     ridge = np.where(norm > 0, RIDGE * norm, 1.0)
     log_det = 0.0
-    # Eliminating A leaves A^-1 in its place, A^-1 b beside it, and -b'A^-1 b in the corner.
+    # Sweeping A out leaves A^-1 in its place, A^-1 b beside it, and -b'A^-1 b in the corner.
     for k in range(count):
         if not norm[k].any():
-            table[k, k] = 1.0
+            matrix[k, k] = 1.0
             continue
-        pivot = table[k, k] + ridge[k]
+        pivot = matrix[k, k] + ridge[k]
         log_det = log_det + np.log(pivot).sum(axis=1)
-        row = table[k] / pivot
+        row = matrix[k] / pivot
         row[k] = 1 / pivot
-        column = table[:, k].copy()
-        table[:, k] = 0.0
-        table -= column[:, None] * row
-        table[k] = row
-    gain = -0.5 * (table[count, count].sum(axis=1) + log_det)
-    return (gain, table[:count, count].transpose(1, 2, 0),
-            table[:count, :count].transpose(2, 3, 0, 1))
+        column = matrix[:, k].copy()
+        matrix[:, k] = 0.0
+        matrix -= column[:, None] * row
+        matrix[k] = row
+    gain = -0.5 * (matrix[count, count].sum(axis=1) + log_det)
+    return (gain, matrix[:count, count].transpose(1, 2, 0),
+            matrix[:count, :count].transpose(2, 3, 0, 1))
 
 
 def residual_power(power: Array, products: Array, size: Array, covariance: Array) -> Array:
     """Return the power about the mean, as expected of the noise alone, shape (rows, groups)."""
-    second = size[..., :, None] * size[..., None, :] + covariance
-    factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
+    second_moment = size[..., :, None] * size[..., None, :] + covariance
+    factors = np.concatenate((-2 * size, second_moment.reshape(*size.shape[:2], -1)), axis=2)
     factors = factors.reshape(len(size), 1, -1)
-    about = power + (factors[:, 0] @ products[0] if len(products) == 1 else np.matmul(
+    residual = power + (factors[:, 0] @ products[0] if len(products) == 1 else np.matmul(
         factors, products)[:, 0])
-    return np.asarray(np.maximum(about, 1e-12 * power))
+    return np.asarray(np.maximum(residual, 1e-12 * power))
 
 
 class AboutMean(NamedTuple):
@@ -105,7 +108,7 @@ def about_mean(groups: Groups) -> Callable[[Array], AboutMean]:
     products = regressors([groups])
 
     def about(expected: Array) -> AboutMean:
-        _, size, covariance = mean(products, groups.records, (groups.dof / expected)[None])
+        _, size, covariance = regress(products, groups.records, (groups.dof / expected)[None])
         ramp = size[0, :, 0]
         blocks = np.maximum(groups.power + np.minimum(groups.ramp, 0.0) @ ramp**2,
                             LEAST_OF_BLOCKS * groups.power)

@@ -148,8 +148,8 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         estimates.window_of(filtered, edge, dt) if filtered else None,
         estimates.passed_by(filtered) if filtered else None, edge_hz,
         corner.value if corner.observable else None, process if sigma.observable else None,
-        law if exponent.observable else None,
-        random_walk_unclear=not identified and drifting > thresholds.REPORTED, trend=trend,
+        law if exponent.observable else None, trend=trend,
+        random_walk_unclear=not identified and drifting > thresholds.REPORTED,
         bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
         shallow=edge_hz is not None and edge_hz * dt < thresholds.LEAST_DESCRIBED)

@@ -11,12 +11,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from imu_allan.arrays import Array
+from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.evidence import distinct, inside, maximise_rows
 from imu_allan.noise.posterior.likelihood import (
     ALPHA,
     B,
-    GENTLE_FAMILY,
-    half_octaves,
     HIGH,
     K,
     LAW,
@@ -29,11 +28,10 @@ from imu_allan.noise.posterior.likelihood import (
     SLOTS,
     SMOOTH,
     Spectra,
-    structure_prior,
     TIME,
 )
 from imu_allan.noise.posterior.prepared_spectra import Start
-from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, LOW_PASSES
+from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, FEWEST_GROUPS, LOW_PASSES
 import numpy as np
 
 KEPT = 7.0
@@ -43,25 +41,23 @@ FAST = (Q, OUTPUT, LOW)
 
 
 class Model(NamedTuple):
-    """A model to be fitted: its slots, where to begin, its filter, its first group left out."""
+    """A model to be fitted."""
 
-    slots: Sequence[int]
-    x: Array
-    family: int = 0
-    edge: int | None = None
+    slots: Sequence[int]    # parameters that it has
+    x: Array    # (SLOTS,): where to begin
+    low_pass: int = 0
+    edge: int | None = None    # the first group that is left unexplained
 
 
-def rows_of(spectra: Spectra, of: int, models: Iterable[Model]) -> Rows:
+def rows_of(spectra: Spectra, spectrum: int, models: Iterable[Model]) -> Rows:
     """Return models of one spectrum as rows that are not fitted yet."""
-    slots, x, family, edge = zip(*models, strict=True)
-    has = np.zeros((len(slots), SLOTS), dtype=bool)
-    for row, own in zip(has, slots, strict=True):
-        row[list(own)] = True
-    nothing = np.zeros(len(slots))
-    rows = Rows(np.full(len(slots), of), np.array(x), has, np.array(family),
+    slots, x, low_pass, edge = zip(*models, strict=True)
+    present = np.array([np.isin(np.arange(SLOTS), list(own)) for own in slots])
+    unset = np.zeros(len(slots))
+    rows = Rows(np.full(len(slots), spectrum), np.array(x), present, np.array(low_pass),
                 np.array([len(spectra.frequency) if one is None else one for one in edge]),
-                nothing, nothing, np.zeros((len(slots), SLOTS, SLOTS)), nothing)
-    return replace(rows, prior=structure_prior(spectra, rows))
+                unset, unset, np.zeros((len(slots), SLOTS, SLOTS)), unset)
+    return replace(rows, prior=likelihood.structure_prior(spectra, rows))
 
 
 def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
@@ -70,42 +66,41 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
 
     `starts`: starting point for each spectrum. Returns: at most 16 rows per axis, the best first.
     """
-    def maximised(models: Sequence[Rows], on_grid: bool = True) -> Rows:
-        return maximise_rows(spectra, Rows.joined(models), hopeless=16.0, on_grid=on_grid)
+    def maximised(models: Mapping[int, Iterable[Model]]) -> Rows:
+        rows = [rows_of(spectra, axis, own) for axis, own in models.items()]
+        return maximise_rows(spectra, Rows.joined(rows), hopeless=16.0, on_grid=True)
 
+    axes = range(len(starts))
     # Nats below the best at which a fast end, or a slow noise, is dropped.
     kept = 12.0
-    fast = best_of(spectra, maximised([
-        rows_of(spectra, axis, _fast_ends(spectra, axis, start, dt))
-        for axis, start in enumerate(starts)]), kept, 12)
+    fast = best_of(spectra, maximised(
+        {axis: _fast_ends(spectra, axis, starts[axis], dt) for axis in axes}), kept, 12)
     # Output noise after a filter, where the best model has an unexplained top.
-    behind = [rows_of(spectra, axis, _filtered(
-        spectra, axis, start, dt, (N, B, K, OUTPUT, LOW), {OUTPUT: 0.5 * np.log(
-            spectra.power[axis, -1] / spectra.columns[axis, OUTPUT, -1])}))
-        for axis, start in enumerate(starts)
-        if of_axis(fast, axis).edge[0] < len(spectra.frequency)]
-    if behind:
-        fast = best_of(spectra, Rows.joined([fast, maximised(behind)]), kept, 12)
-    ends = [_ends(of_axis(fast, axis)) for axis in range(len(starts))]
-    found = best_of(spectra, maximised([
-        rows_of(spectra, axis, _slow_noises(spectra, start, own))
-        for axis, (start, own) in enumerate(zip(starts, ends, strict=True))]), kept, 8)
-    crossed = [_crossed(spectra, of_axis(found, axis), own.take([number]))
-               for axis, own in enumerate(ends) for number in range(1, len(own))]
+    with_output = {axis: _filtered(
+        spectra, axis, starts[axis], dt, (N, B, K, OUTPUT, LOW),
+        {OUTPUT: _amplitude_at_top(spectra, axis, OUTPUT)})
+        for axis in axes if of_axis(fast, axis).edge[0] < len(spectra.frequency)}
+    if with_output:
+        fast = best_of(spectra, Rows.joined([fast, maximised(with_output)]), kept, 12)
+    ends = [_distinct_ends(of_axis(fast, axis)) for axis in axes]
+    slow = best_of(spectra, maximised(
+        {axis: _slow_noises(spectra, starts[axis], ends[axis]) for axis in axes}), kept, 8)
+    crossed = [_crossed(spectra, of_axis(slow, axis), ends[axis].take([number]))
+               for axis in axes for number in range(1, len(ends[axis]))]
     if crossed:
-        found = Rows.joined([found, maximised(crossed, on_grid=False)])
-    return best_of(spectra, found, KEPT, 16)
+        slow = Rows.joined([slow, maximise_rows(spectra, Rows.joined(crossed), hopeless=16.0)])
+    return best_of(spectra, slow, KEPT, 16)
 
 
 def of_axis(rows: Rows, axis: int) -> Rows:
     """Return the rows of one axis."""
-    return rows.take(rows.of == axis)
+    return rows.take(rows.spectrum == axis)
 
 
 def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
     """Return up to `most` distinct rows per axis `within` nats of its best, the best first."""
     kept = []
-    for axis in np.unique(rows.of).tolist():
+    for axis in np.unique(rows.spectrum).tolist():
         own = of_axis(rows, axis)
         own = own.take(own.evidence > own.evidence.max() - within - 4)
         sound = inside(spectra, own)
@@ -126,8 +121,7 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
     """Propose models of the fast end of one axis, combined with the usual slow noise."""
     nu = np.minimum(spectra.frequency * dt, 0.5)
     # From far below, a maximum is out of sight: half the power at the top may be quantization.
-    top = 0.5 * np.log(0.5 * spectra.power[axis, -1] / spectra.columns[axis, Q, -1])
-    x = _with(start.x, {Q: max(start.x[Q], top)})
+    x = _with(start.x, {Q: max(start.x[Q], _amplitude_at_top(spectra, axis, Q, 0.5))})
     slow, law = (N, B, K), (N, K, LAW, ALPHA)
     for more in ((), (Q,)):
         yield Model((*slow, *more), x)
@@ -137,42 +131,48 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
     for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
         yield Model((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
     yield from _filtered(spectra, axis, start, dt, (*slow, LOW), {})
-    table, families = spectra.tables.low_pass, [shape.key for shape in LOW_PASSES]
+    table, keys = spectra.tables.low_pass, [shape.key for shape in LOW_PASSES]
     for edge in _edges(nu):
         below = _with(x, {N: _white(spectra, axis, start, int(np.searchsorted(nu, nu[edge] / 3)))})
         yield Model(slow, below, edge=edge)
         # These filters may begin to roll off below an edge.
         for key, corner in (('exponential_average', 2 * np.sin(np.pi * nu[edge])),
                             ('butterworth_2', np.tan(min(np.pi * nu[edge], 1.2)))):
-            family = families.index(key)
-            corner = np.clip(np.log(corner), table.first[family], table.last[family])
-            yield Model((*slow, LOW), _with(below, {LOW: corner}), family, edge)
+            low_pass = keys.index(key)
+            corner = np.clip(np.log(corner), table.first[low_pass], table.last[low_pass])
+            yield Model((*slow, LOW), _with(below, {LOW: corner}), low_pass, edge)
+
+
+def _amplitude_at_top(spectra: Spectra, axis: int, slot: int, share: float = 1.0) -> float:
+    """Return the log amplitude of a term with a share of the power at the highest frequency."""
+    return float(0.5 * np.log(share * spectra.power[axis, -1] / spectra.design[axis, slot, -1]))
 
 
 def _white(spectra: Spectra, axis: int, start: Start, group: int) -> float:
     """Return a starting value for white noise: the level of the spectrum at a group."""
-    return float(0.5 * np.log(start.white[group]) - np.log(spectra.unit[axis, N]))
+    return float(0.5 * np.log(start.white[group]) - np.log(spectra.limit[axis, N]))
 
 
 def _filtered(spectra: Spectra, axis: int, start: Start, dt: float, slots: Sequence[int],
               values: Mapping[int, float]) -> Iterator[Model]:
     """Propose every filter at several corners."""
     nu, table = np.minimum(spectra.frequency * dt, 0.5), spectra.tables.low_pass
-    for family, shape in enumerate(LOW_PASSES):
-        first, last = table.first[family], table.last[family]
-        last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
+    for low_pass, shape in enumerate(LOW_PASSES):
+        first, last = table.first[low_pass], table.last[low_pass]
+        if low_pass == EXPONENTIAL_AVERAGE:
+            last = min(spectra.gentlest_corner[axis], last)
         # Each notch of a moving average may be a maximum of its own.
         count = 13 if shape.key == 'moving_average' else 7
         for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), count):
             # Start with white noise at the level of the spectrum in the pass band.
-            at = min(int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0))), len(nu) - 1)
-            white = _white(spectra, axis, start, at)
-            yield Model(slots, _with(start.x, {LOW: corner, N: white, **values}), family)
+            group = min(int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0))), len(nu) - 1)
+            white = _white(spectra, axis, start, group)
+            yield Model(slots, _with(start.x, {LOW: corner, N: white, **values}), low_pass)
 
 
 def _edges(nu: Array) -> Iterator[int]:
     """Yield possible edges: the first group of half-octaves from the top."""
-    halves = half_octaves(nu)
+    halves = likelihood.half_octaves(nu)
     # Farther from the top, every other half-octave is enough.
     for half in (1, 2, 3, 4, *range(5, 21, 2)):
         edge = int(np.searchsorted(halves, -half))
@@ -181,24 +181,25 @@ def _edges(nu: Array) -> Iterator[int]:
         yield edge
 
 
-def _ends(rows: Rows) -> Rows:
+def _distinct_ends(rows: Rows) -> Rows:
     """Return the best row for each of the five best fast ends, given rows with the best first."""
-    family = np.where(rows.has[:, LOW], rows.family, -1)
-    ends = np.column_stack((family, rows.edge, rows.has[:, FAST]))
+    low_pass = np.where(rows.present[:, LOW], rows.low_pass, -1)
+    ends = np.column_stack((low_pass, rows.edge, rows.present[:, FAST]))
     first = np.unique(ends, axis=0, return_index=True)[1]
     return rows.take(np.sort(first)[:5])
 
 
 def _slow_noises(spectra: Spectra, start: Start, ends: Rows) -> Iterator[Model]:
     """Propose every kind of slow noise, combined with the first of the fast ends of an axis."""
-    x, has = ends.x[0].copy(), ends.has[0]
+    x, has = ends.x[0].copy(), ends.present[0]
+    fast = [slot for slot in FAST if has[slot]]
+    low_pass, edge = int(ends.low_pass[0]), int(ends.edge[0])
     for slot in (B, K):
         if not has[slot] or x[slot] < 0:
             x[slot] = max(start.x[slot], 0.3)
 
     def model(*slots: int, begin: Mapping[int, float] = {}) -> Model:
-        return Model((N, *slots, *(slot for slot in FAST if has[slot])), _with(x, begin),
-                     int(ends.family[0]), int(ends.edge[0]))
+        return Model((N, *slots, *fast), _with(x, begin), low_pass, edge)
 
     process, high = spectra.tables.terms[1], spectra.tables.high_pass
     for random_walk in ((), (K,)):
@@ -218,11 +219,11 @@ def _slow_noises(spectra: Spectra, start: Start, ends: Rows) -> Iterator[Model]:
 
 def _crossed(spectra: Spectra, slow: Rows, end: Rows) -> Rows:
     """Combine the best row of each slow noise with another fast end."""
-    rest = slow.has.copy()
-    rest[:, FAST] = False
-    rows = slow.take(np.sort(np.unique(rest, axis=0, return_index=True)[1]))
-    x, has = rows.x.copy(), rows.has.copy()
-    x[:, [N, *FAST]], has[:, FAST] = end.x[0, [N, *FAST]], end.has[0, FAST]
-    same = np.zeros(len(rows), np.int64)
-    rows = replace(rows, x=x, has=has, family=end.family[same], edge=end.edge[same])
-    return replace(rows, prior=structure_prior(spectra, rows))
+    noises = slow.present.copy()
+    noises[:, FAST] = False
+    rows = slow.take(np.sort(np.unique(noises, axis=0, return_index=True)[1]))
+    other = end.take(np.zeros(len(rows), np.int64))
+    x, present = rows.x.copy(), rows.present.copy()
+    x[:, [N, *FAST]], present[:, FAST] = other.x[:, [N, *FAST]], other.present[:, FAST]
+    rows = replace(rows, x=x, present=present, low_pass=other.low_pass, edge=other.edge)
+    return replace(rows, prior=likelihood.structure_prior(spectra, rows))

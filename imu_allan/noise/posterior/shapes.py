@@ -10,7 +10,7 @@ time or corner. Frequencies are in cycles per sample; grids depend on the length
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise import spectrum
@@ -18,19 +18,13 @@ import numpy as np
 
 Power = Callable[[Array, float], Array]
 """Maps frequencies in cycles per sample and a nuisance to power, up to a constant factor."""
+Grid = Callable[[float, float], Array]
+"""Maps the lowest frequency and the lowest possible edge of a record to values of a nuisance."""
 
 LOWEST_CORNER = 1e-3
 """Lowest corner of a low-pass in cycles per sample: below, slow drift looks like a pass band."""
 FEWEST_GROUPS = 24
 """Fewest bands that a model must describe: three octaves are enough to separate the terms."""
-
-
-@dataclass(frozen=True)
-class Band:
-    """Frequencies that a grid may depend on: the lowest band and the lowest possible edge."""
-
-    slowest: float
-    shortest_edge: float
 
 
 @dataclass(frozen=True)
@@ -47,7 +41,7 @@ class Shape:
     power : callable
         Power at frequencies in cycles per sample, given the nuisance.
     grid : callable, optional
-        Uniform grid of the nuisance, given the band of a record.
+        Uniform grid of the nuisance.
     at_output : bool
         Whether the term is added after all filters.
     like : str
@@ -58,7 +52,7 @@ class Shape:
     key: str
     prior: float
     power: Power
-    grid: Callable[[Band], Array] | None = None
+    grid: Grid | None = None
     at_output: bool = False
     like: str = ''
 
@@ -68,10 +62,10 @@ def _grid(first: float, last: float, step: float) -> Array:
     return np.asarray(first + step * np.arange(max(int(np.ceil((last - first) / step)) + 1, 5)))
 
 
-def _of_corner(highest: float, step: float = 0.1) -> Callable[[Band], Array]:
+def _of_corner(highest: float, step: float = 0.1) -> Grid:
     """Return a grid of log corners, from the lowest with enough bands below it to `highest`."""
-    def grid(band: Band) -> Array:
-        lowest = max(band.shortest_edge, LOWEST_CORNER)
+    def grid(_: float, lowest_edge: float) -> Array:
+        lowest = max(lowest_edge, LOWEST_CORNER)
         return _grid(np.log(min(lowest, highest / 2)), np.log(highest), step)
     return grid
 
@@ -112,11 +106,11 @@ spectrum is f^-4, like that of an integrated random walk.
 FREE_SHAPES = (
     Shape('power_law', 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
           # Flatter noise would take the place of white noise behind an unlisted filter.
-          lambda _: _grid(0.4, 1.9, 0.1), like=FLICKER),
+          lambda *_: _grid(0.4, 1.9, 0.1), like=FLICKER),
     Shape('gauss_markov', 0.05,
           lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
-          lambda band: _grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
-                                               np.log(50.0) + 1.4), 0.25), like=WHITE),
+          lambda slowest, _: _grid(np.log(50.0), max(
+              -np.log(2 * np.pi * slowest), np.log(50.0) + 1.4), 0.25), like=WHITE),
 )
 """Terms with a nuisance: slow noise of any exponent, and a Gauss-Markov process."""
 
@@ -137,10 +131,12 @@ LOW_PASSES = (
     Shape('gauss', 0.05, lambda nu, corner: np.exp(-np.log(2) * (nu / np.exp(corner)) ** 2),
           _of_corner(0.8)),
 )
-"""Low-pass responses, at most one per model; the first may be too gentle to be detected."""
+"""Low-pass responses, at most one per model."""
+EXPONENTIAL_AVERAGE = 0
+"""The only low-pass that may be too gentle to be detected."""
 
-HIGH_PASSES = (Shape('high_pass', 0.1, _high_pass, lambda band: _grid(
-    np.log(band.slowest / 2), np.log(max(0.2, 2 * band.slowest)), 0.25)),)
+HIGH_PASSES = (Shape('high_pass', 0.1, _high_pass, lambda slowest, _: _grid(
+    np.log(slowest / 2), np.log(max(0.2, 2 * slowest)), 0.25)),)
 """A filter that tracks and subtracts a bias is slower than a fifth of the sample rate."""
 
 
@@ -167,25 +163,27 @@ class Table:
     start: Ints
     count: Ints
 
-    def place(self, shape: Ints, x: Array) -> tuple[Ints, Array, Array]:
-        """Locate values of nuisances: row, position within the step, scale of the derivative."""
-        u = np.clip((x - self.first[shape]) / self.step[shape], 0, self.count[shape] - 1)
-        i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
-        return self.start[shape] + i, u - i, 1 / self.step[shape]
+    def interpolated(self, shape: Ints, x: Array, slopes: bool = True,
+                     rows: Array | None = None) -> tuple[Array, Array]:
+        """
+        Return values of shapes at nuisances `x`, and derivatives, each of shape (n, groups).
+
+        `rows`: other values on the same grids.
+        """
+        place = np.clip((x - self.first[shape]) / self.step[shape], 0, self.count[shape] - 1)
+        point = np.clip(place.astype(np.int64), 1, self.count[shape] - 3)
+        powers = np.zeros((len(x), 2 if slopes else 1, 4))
+        powers[:, 0] = (place - point)[:, None] ** np.arange(4)
+        powers[:, 1:, 1:] = ((1 / self.step[shape])[:, None] * powers[:, 0, :3]
+                             * np.arange(1, 4))[:, None]
+        around = (self.start[shape] + point)[:, None] + np.arange(-1, 3)
+        found = np.matmul(powers @ _CATMULL_ROM, (self.rows if rows is None else rows)[around])
+        return found[:, 0], found[:, -1]
 
     def select(self, shapes: Ints) -> 'Table':
         """Return a selection of the shapes, which shares `rows` with this table."""
         return replace(self, **{key: getattr(self, key)[shapes] for key in (
             'first', 'last', 'step', 'start', 'count')})
-
-
-def cubic(rows: Array, at: Ints, t: Array, per: Array, slopes: bool = True) -> tuple[Array, Array]:
-    """Interpolate rows and their derivatives by the nuisance, both of shape (n, groups)."""
-    powers = np.zeros((len(t), 2 if slopes else 1, 4))
-    powers[:, 0] = t[:, None] ** np.arange(4)
-    powers[:, 1:, 1:] = (per[:, None] * powers[:, 0, :3] * np.arange(1, 4))[:, None]
-    found = np.matmul(powers @ _CATMULL_ROM, rows[at[:, None] + np.arange(-1, 3)])
-    return found[:, 0], found[:, -1]
 
 
 # Weights of the four values around a position: E. Catmull and R. Rom, 1974.
@@ -199,30 +197,28 @@ def tables(nu: Array, step: Array, length: Array) -> 'Tables':
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables of the low-passes, of the high-passes and of each term with a nuisance."""
+    """
+    Tables of all shapes with a nuisance: the low-passes, the high-pass, each term by itself.
+
+    `ranges`, shape (2, low-passes, nuisances): first and last values of the nuisances of the terms
+    and the filters, given the low-pass.
+    """
 
     terms: tuple[Table, ...]
     low_pass: Table
     high_pass: Table
-
-    def ranges(self, family: Ints) -> tuple[Array, Array]:
-        """Return the ends of all nuisances, given the low-passes `family`, each (n, nuisances)."""
-        return self._ranges[0, family], self._ranges[1, family]
-
-    @cached_property
-    def _ranges(self) -> Array:
-        own = (*self.terms, self.low_pass, self.high_pass)
-        return np.stack([np.stack(np.broadcast_arrays(*ends), axis=1) for ends in (
-            [table.first for table in own], [table.last for table in own])])
+    ranges: Array
 
 
 @lru_cache(maxsize=8)
 def _tables(layout: bytes) -> Tables:
     nu, step, length = np.frombuffer(layout).reshape(3, -1)
-    band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
-    return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_SHAPES),
-                  table_of(LOW_PASSES, nu, band, Response(nu, step, length)),
-                  table_of(HIGH_PASSES, nu, band))
+    terms = tuple(table_of((shape,), nu) for shape in FREE_SHAPES)
+    low_pass = table_of(LOW_PASSES, nu, Response(nu, step, length))
+    high_pass = table_of(HIGH_PASSES, nu)
+    ends = [np.broadcast_arrays(table.first, table.last, low_pass.first)[:2]
+            for table in (*terms, low_pass, high_pass)]
+    return Tables(terms, low_pass, high_pass, np.stack(ends, axis=-1))
 
 
 class Response:
@@ -236,25 +232,23 @@ class Response:
     """
 
     def __init__(self, nu: Array, step: Array, length: Array) -> None:
-        at, weight, first = [], [], []
-        count = 0
-        for each, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
-            inside, share = _folded(each, means)
+        frequencies, weights = [], []
+        for group, means, points in zip(nu.tolist(), step.tolist(), length.tolist(), strict=True):
+            inside, share = _folded(group, means)
             # Neglect leakage from below a quarter of the lowest corner.
-            slower = each * 0.5 ** np.arange(1.5, max(np.log2(each / (LOWEST_CORNER / 4)), 2))
-            kappa, f = means * each, means * slower
+            slower = group * 0.5 ** np.arange(1.5, max(np.log2(group / (LOWEST_CORNER / 4)), 2))
+            kappa, f = means * group, means * slower
             leak = (f * np.log(2) / (2 * points)
                     * (1 / np.sin(np.pi * (kappa - f)) - 1 / np.sin(np.pi * (kappa + f)))**2)
-            first.append(count)
-            at += [inside, slower]
+            frequencies.append(np.concatenate((inside, slower)))
             # Leakage does not change the power of white noise.
-            weight += [share * (1 - leak.sum()), leak]
-            count += len(inside) + len(slower)
-        self._at, self._weight, self._first = np.concatenate(at), np.concatenate(weight), first
+            weights.append(np.concatenate((share * (1 - leak.sum()), leak)))
+        self._frequency, self._weight = np.concatenate(frequencies), np.concatenate(weights)
+        self._first = np.cumsum([0, *(len(own) for own in frequencies[:-1])])
 
     def of(self, power: Power, corner: float) -> Array:
         """Return the response to a low-pass, relative to white noise without a filter."""
-        passed = np.add.reduceat(power(self._at, corner) * self._weight, self._first)
+        passed = np.add.reduceat(power(self._frequency, corner) * self._weight, self._first)
         # The smallest response keeps logarithms finite.
         return np.asarray(passed + 1e-15)
 
@@ -278,13 +272,12 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
             (weights[:, None] * share).ravel())
 
 
-def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band, seen: Response | None = None
-             ) -> Table:
-    """Tabulate the log power of shapes on their grids; with `seen`, as the groups see a filter."""
-    grids = [shape.grid(band) for shape in shapes if shape.grid is not None]
-    rows = [np.log(shape.power(nu, value) if seen is None else seen.of(shape.power, value))
-            for shape, values in zip(shapes, grids, strict=True) for value in values.tolist()]
-    count = np.array([len(values) for values in grids])
-    return Table(np.array([v[0] for v in grids]), np.array([v[-1] for v in grids]),
-                 np.array([v[1] - v[0] for v in grids]), np.stack(rows),
-                 np.cumsum(count) - count, count)
+def table_of(shapes: tuple[Shape, ...], nu: Array, response: Response | None = None) -> Table:
+    """Tabulate log power on the grids of shapes; with `response`, as the groups see a filter."""
+    ends = float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)])
+    grids = [shape.grid(*ends) for shape in shapes if shape.grid is not None]
+    rows = [np.log(shape.power(nu, value) if response is None else response.of(shape.power, value))
+            for shape, grid in zip(shapes, grids, strict=True) for value in grid.tolist()]
+    first, second, last = np.array([(grid[0], grid[1], grid[-1]) for grid in grids]).T
+    count = np.array([len(grid) for grid in grids])
+    return Table(first, last, second - first, np.stack(rows), np.cumsum(count) - count, count)

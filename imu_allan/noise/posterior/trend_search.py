@@ -129,9 +129,9 @@ class Found:
         return len(self.kind.columns(self.value, 1.0))
 
 
-def waveforms(found: Sequence[Found], duration_s: float) -> list[Waveform]:
+def waveforms(trends: Sequence[Found], duration_s: float) -> list[Waveform]:
     """Return trends as functions of time."""
-    return [trend for one in found for trend in one.kind.columns(one.value, duration_s)]
+    return [column for trend in trends for column in trend.kind.columns(trend.value, duration_s)]
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Fitted:
         Spectra with the trends as regressors.
     rows : Rows
         Fitted models; prior and evidence include the amplitudes and nuisances of the trends.
-    axes : ndarray of int, shape (spectra,)
+    spectrum_axis : ndarray of int, shape (spectra,)
         Axis of each spectrum.
     trends : sequence of tuple of Found
         Trends of each spectrum.
@@ -156,25 +156,25 @@ class Fitted:
 
     spectra: Spectra
     rows: Rows
-    axes: Ints
+    spectrum_axis: Ints
     trends: Sequence[tuple[Found, ...]]
     groups: Sequence[Groups]
 
     @property
-    def axis(self) -> Ints:
+    def row_axis(self) -> Ints:
         """Return the axis of each row."""
-        return self.axes[self.rows.of]
+        return self.spectrum_axis[self.rows.spectrum]
 
     def joined(self, others: Sequence['Fitted']) -> 'Fitted':
         """Join fits of the same spectra with other trends."""
-        every = [self, *others]
-        axes = np.concatenate([one.axes for one in every])
-        groups = [own for one in every for own in one.groups]
-        before = np.cumsum([0, *(len(one.axes) for one in every)])
-        rows = [replace(one.rows, of=first + one.rows.of)
-                for first, one in zip(before, every, strict=False)]
+        fits = [self, *others]
+        axes = np.concatenate([fit.spectrum_axis for fit in fits])
+        groups = [own for fit in fits for own in fit.groups]
+        first = np.cumsum([0, *(len(fit.groups) for fit in fits)])
+        rows = [replace(fit.rows, spectrum=number + fit.rows.spectrum)
+                for number, fit in zip(first, fits, strict=False)]
         return Fitted(self.spectra.with_regressors(groups, axes), Rows.joined(rows), axes,
-                      [own for one in every for own in one.trends], groups)
+                      [trends for fit in fits for trends in fit.trends], groups)
 
 
 class Bank:
@@ -198,9 +198,9 @@ class Bank:
     def regressors(self, kind: TrendKind, values: Array, slowest: int = _SLOWEST) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
         trends = [kind.columns(float(value), self.duration_s) for value in values]
-        found = regressors(self._record.sections, self._record.dt,
-                           [trend for each in trends for trend in each], slowest)
-        return np.asarray(found.T.reshape(len(values), len(trends[0]), -1))
+        transforms = regressors(self._record.sections, self._record.dt,
+                                [column for trend in trends for column in trend], slowest)
+        return np.asarray(transforms.T.reshape(len(values), len(trends[0]), -1))
 
 
 class AxisBank:
@@ -211,33 +211,37 @@ class AxisBank:
         slow = bins.whole & (bins.index <= slowest)
         used = slow if record.keep is None else slow & record.keep
         # Which of the slowest coefficients are not part of a line
-        self._which = used[slow]
+        self._used = used[slow]
         self._frequency, self._ramp = bins.frequency[used], bins.of_ramp[used]
         self._coefficient = bins.coefficient[record.axis, used]
 
     @cached_property
     def _columns(self) -> list[Array]:
-        return [columns[:, :, self._which] for columns in self.shared.columns]
+        return [columns[:, :, self._used] for columns in self.shared.columns]
 
-    def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
-        """Whiten by the spectra `lam` and remove the ramp and the trends in `beside`."""
-        place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
+    def whitened(self, frequency: Array, power: Array, others: Sequence[Found]) -> 'Whitened':
+        """
+        Whiten the coefficients and remove the ramp and the trends in `others`.
+
+        `power`, shape (noises, groups): expected power of noise models, at each `frequency`.
+        """
+        group = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
         # The lower limit keeps products with the reciprocal finite.
-        root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], 1e-200))
-        others = [self._ramp[:, None]]
-        if self.record.in_every_fit or beside:
-            trends = [*self.record.in_every_fit, *waveforms(beside, self.shared.duration_s)]
-            others.append(regressors(
-                self.record.sections, self.record.dt, trends, self._slowest)[self._which])
-        basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
-        value = (self._coefficient * root)[:, :, None]
-        value = value - basis @ (basis.transpose(0, 2, 1) @ value)
-        return Whitened(self, beside, root, basis * root[:, :, None], value[:, :, 0] * root)
+        scale = 1 / np.sqrt(np.maximum(np.atleast_2d(power)[:, group], 1e-200))
+        columns = [self._ramp[:, None]]
+        if self.record.in_every_fit or others:
+            trends = [*self.record.in_every_fit, *waveforms(others, self.shared.duration_s)]
+            columns.append(regressors(
+                self.record.sections, self.record.dt, trends, self._slowest)[self._used])
+        basis = np.linalg.qr(np.column_stack(columns) * scale[:, :, None])[0]
+        residual = (self._coefficient * scale)[:, :, None]
+        residual = residual - basis @ (basis.transpose(0, 2, 1) @ residual)
+        return Whitened(self, others, scale, basis * scale[:, :, None], residual[:, :, 0] * scale)
 
     def columns(self, number: int, values: Array | None = None) -> Array:
         """Return the candidates of a kind along its grid, or at `values`."""
         return self._columns[number] if values is None else self.shared.regressors(
-            self.shared.kinds[number], values, self._slowest)[:, :, self._which]
+            self.shared.kinds[number], values, self._slowest)[:, :, self._used]
 
 
 @dataclass(frozen=True)
@@ -250,42 +254,46 @@ class Whitened:
     bank : AxisBank
     others : sequence of Found
         The other trends, besides the ramp.
-    root : ndarray, shape (noises, coefficients)
+    scale : ndarray, shape (noises, coefficients)
         Reciprocal of the standard deviation.
     basis : ndarray, shape (noises, coefficients, other trends)
-        Orthonormal basis of the whitened other trends, times `root`.
-    value : ndarray, shape (noises, coefficients)
-        Whitened residual, times `root`.
+        Orthonormal basis of the whitened other trends, times `scale`.
+    residual : ndarray, shape (noises, coefficients)
+        Whitened residual, times `scale`.
 
     """
 
     bank: AxisBank
     others: Sequence[Found]
-    root: Array
+    scale: Array
     basis: Array
-    value: Array
+    residual: Array
 
-    def one(self, number: int) -> 'Whitened':
+    def of_noise(self, noise: int) -> 'Whitened':
         """Return the arrays of one of the noise models."""
-        return replace(self, **{name: getattr(self, name)[number:number + 1]
-                                for name in ('root', 'basis', 'value')})
+        return replace(self, **{name: getattr(self, name)[[noise]]
+                                for name in ('scale', 'basis', 'residual')})
 
     def gains(self, number: int, values: Array | None = None) -> Array:
-        """Return the chi-square that a kind explains along its grid, or at `values`."""
+        """
+        Return the chi-square that a kind explains along its grid, or at `values`.
+
+        `number`: of the kind in the bank. Returns shape (noises, values).
+        """
         columns = self.bank.columns(number, values)
-        along = np.tensordot(self.value, columns, (1, 2))
-        taken = np.tensordot(self.basis, columns, (1, 2))
+        target = np.tensordot(self.residual, columns, (1, 2))
+        explained = np.tensordot(self.basis, columns, (1, 2))
         products = np.einsum('vin,vjn->vijn', columns, columns)
-        gram = np.tensordot(self.root**2, products, (1, 3))
+        gram = np.tensordot(self.scale**2, products, (1, 3))
         # The ridge rejects trends that no coefficient shows, such as a step between two runs, and
         # trends that are almost a combination of the others.
         ridge = (1e-9 * np.trace(gram, axis1=2, axis2=3)
                  + np.finfo(np.float64).tiny)[:, :, None, None]
-        gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
+        gram = gram - np.einsum('abvi,abvj->avij', explained, explained)
         if columns.shape[1] == 1:
-            return np.asarray(along[:, :, 0]**2 / np.maximum(gram, ridge)[:, :, 0, 0])
+            return np.asarray(target[:, :, 0]**2 / np.maximum(gram, ridge)[:, :, 0, 0])
         gram += ridge * np.eye(columns.shape[1])
-        return np.asarray((along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=2))
+        return np.asarray((target * np.linalg.solve(gram, target[..., None])[..., 0]).sum(axis=2))
 
     def likeliest(self, number: int, gains: Array) -> Found:
         """
@@ -295,11 +303,11 @@ class Whitened:
         """
         kind, grid = self.bank.shared.kinds[number], self.bank.shared.grids[number]
         values, gains = self._profile(number, gains)
-        near = np.exp((gains - gains.max()) / 2)
+        likelihood_ratio = np.exp((gains - gains.max()) / 2)
         # The integral runs over the index, because grid values are equally likely.
         place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
-        share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
-                 if kind.continuous and len(grid) > 1 else float(near.mean()))
+        share = (float(((likelihood_ratio[1:] + likelihood_ratio[:-1]) * np.diff(place)).sum()) / 2
+                 if kind.continuous and len(grid) > 1 else float(likelihood_ratio.mean()))
         low, high = _interval(values, gains)
         # A lag that is not seen counts as none. During a warm-up it would only scale the slope,
         # whose interval does not include it. No other nuisance can be zero.
@@ -308,35 +316,34 @@ class Whitened:
 
     def _profile(self, number: int, gains: Array) -> tuple[Array, Array]:
         """Return nuisance values of a kind and their gains, refined around the best value."""
-        bank = self.bank.shared
-        kind, values = bank.kinds[number], bank.grids[number]
-
-        def gained(at: Array, gains: Array) -> Array:
-            # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
-            for other in self.others:
-                if other.kind.key == kind.key:
-                    near = (np.abs(np.log(at / other.value)) < np.log(2) if kind.smooth else
-                            np.abs(at - other.value) < bank.duration_s / 64)
-                    gains = np.where(near, 0.0, gains)
-            return gains
-
-        gains = gained(values, gains)
+        kind, values = self.bank.shared.kinds[number], self.bank.shared.grids[number]
+        gains = self._apart(kind, values, gains)
         if not kind.continuous or len(values) < 3:
             return values, gains
         # Refine the grid around the best value until the gain hardly changes.
         for _ in range(8):
             best = _largest(gains)
             near = values[max(best - 1, 0):best + 2]
-            more = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
-            if not len(more):
+            between = np.setdiff1d(np.linspace(near[:-1], near[1:], 5), near)
+            if not len(between):
                 break
-            values = np.append(values, more)
-            gains = np.append(gains, gained(more, self.gains(number, more)[0]))
+            more = self._apart(kind, between, self.gains(number, between)[0])
+            values, gains = np.append(values, between), np.append(gains, more)
             order = np.argsort(values)
             values, gains = values[order], gains[order]
             if float(np.ptp(np.sort(gains)[-3:])) < 0.02:
                 break
         return values, gains
+
+    def _apart(self, kind: TrendKind, values: Array, gains: Array) -> Array:
+        """Return gains, zero near another trend of the same kind."""
+        # Two nearly equal trends of opposite sign are the derivative of one, not two trends.
+        for other in self.others:
+            if other.kind.key == kind.key:
+                near = (np.abs(np.log(values / other.value)) < np.log(2) if kind.smooth else
+                        np.abs(values - other.value) < self.bank.shared.duration_s / 64)
+                gains = np.where(near, 0.0, gains)
+        return gains
 
 
 def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
@@ -352,17 +359,17 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
                 if record is not None and record.duration_s > 0]
     if not searches:
         return []
-    still = maximise_rows(spectra, Rows.joined([search.tried for search in searches]))
+    without = maximise_rows(spectra, Rows.joined([search.noises for search in searches]))
     for search in searches:
-        search.begin(spectra, of_axis(still, search.axis))
-    found: list[Fitted] = []
+        search.begin(spectra, of_axis(without, search.axis))
+    fits: list[Fitted] = []
     # Temperature, a cycle and a warm-up may act at once; a fourth trend would pass for noise.
-    while len(found) < 3 and (
-            candidates := [(search, one) for search in searches for one in search.candidates()]):
-        found.append(_fitted(spectra, candidates))
+    while len(fits) < 3 and (candidates := [
+            (search, trends) for search in searches for trends in search.candidates()]):
+        fits.append(_fitted(spectra, candidates))
         for search in searches:
-            search.go_on(found[-1])
-    return found
+            search.go_on(fits[-1])
+    return fits
 
 
 class _Search:
@@ -371,54 +378,54 @@ class _Search:
     def __init__(self, spectra: Spectra, axis: int, rows: Rows, start: Start, bank: AxisBank
                  ) -> None:
         self.axis, self.bank, self._best = axis, bank, rows.take([0])
-        self.tried = rows_of(spectra, axis, _noises(spectra, start, self._best))
-        self._top = float(rows.evidence.max())
+        # Noise models to be fitted with every candidate
+        self.noises = rows_of(spectra, axis, _noises(spectra, start, self._best))
+        self._evidence = float(rows.evidence.max())
         self._chosen: tuple[Found, ...] = ()
-        self._about: Whitened | None = None
-        self._behind = np.zeros(1)    # gain that each noise model must make up for
+        self._whitened: Whitened | None = None    # by the noise models to look with
+        self._lag = np.zeros(1)    # gain that each of these must make up for
 
-    def begin(self, spectra: Spectra, still: Rows) -> None:
+    def begin(self, spectra: Spectra, without: Rows) -> None:
         """Start from the noise models near the best, as fitted without trends."""
-        near = still.take(still.evidence > still.evidence.max() - 30.0)
-        self._look(spectra, Rows.joined([self._best, near]))
+        near = without.take(without.evidence > without.evidence.max() - 30.0)
+        self._look_with(spectra, Rows.joined([self._best, near]))
 
-    def _look(self, spectra: Spectra, rows: Rows) -> None:
-        self._about = self.bank.about(
-            spectra.frequency, expected_powers(spectra, rows), self._chosen)
+    def _look_with(self, spectra: Spectra, noises: Rows) -> None:
+        self._whitened = self.bank.whitened(
+            spectra.frequency, expected_powers(spectra, noises), self._chosen)
 
     def candidates(self) -> Iterator[tuple[Found, ...]]:
         """Yield the trends that are worth fitting, each added to those already chosen."""
-        if self._about is None:
+        if self._whitened is None:
             return
         for number, kind in enumerate(self.bank.shared.kinds):
-            if sum(one.kind.key == kind.key for one in self._chosen) >= kind.most:
+            if sum(trend.kind.key == kind.key for trend in self._chosen) >= kind.most:
                 continue
-            gains = self._about.gains(number)
-            net = gains.max(axis=1) - self._behind
+            gains = self._whitened.gains(number)
+            net = gains.max(axis=1) - self._lag
             best = int(np.argmax(net))
             # With a gain below 9, a trend is not worth fitting.
             if net[best] >= 9.0:
-                yield (*self._chosen, self._about.one(best).likeliest(number, gains[best]))
+                trend = self._whitened.of_noise(best).likeliest(number, gains[best])
+                yield (*self._chosen, trend)
 
     def go_on(self, fitted: Fitted) -> None:
         """Choose the best trend, if it clearly improves the evidence."""
-        self._about = None
-        own = fitted.rows.take(fitted.axis == self.axis)
-        if not len(own):
-            return
-        leader, top = int(own.of[np.argmax(own.evidence)]), float(own.evidence.max())
+        self._whitened = None
+        rows = fitted.rows.take(fitted.row_axis == self.axis)
         # Continue the search only if the trend improves the evidence by two nats.
-        if top <= self._top + 2.0:
+        if not len(rows) or rows.evidence.max() <= self._evidence + 2.0:
             return
-        self._top = top
-        self._chosen, rows = fitted.trends[leader], of_axis(own, leader)
+        best = rows.best()
+        self._evidence = float(best.evidence[0])
+        self._chosen, rows = fitted.trends[int(best.spectrum[0])], of_axis(
+            rows, int(best.spectrum[0]))
         # Look without the random walk, too, which hides what else the mean does. There, a trend
         # must first make up for what the evidence is behind.
-        kinds = [np.flatnonzero(rows.has[:, K] == there) for there in (True, False)]
-        near = [int(kind[np.argmax(rows.evidence[kind])]) for kind in kinds if len(kind)]
-        if near:
-            self._look(fitted.spectra, rows.take(near))
-            self._behind = np.maximum(2 * (self._top - rows.evidence[near]), 0.0)
+        walks = [np.flatnonzero(rows.present[:, K] == walk) for walk in (True, False)]
+        best_of = [int(own[np.argmax(rows.evidence[own])]) for own in walks if len(own)]
+        self._look_with(fitted.spectra, rows.take(best_of))
+        self._lag = np.maximum(2 * (self._evidence - rows.evidence[best_of]), 0.0)
 
 
 Candidate = tuple[_Search, tuple[Found, ...]]
@@ -427,67 +434,68 @@ Candidate = tuple[_Search, tuple[Found, ...]]
 
 def _fitted(spectra: Spectra, candidates: Sequence[Candidate]) -> Fitted:
     """Fit the noise models with their candidates, in one batch."""
-    tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
-                         for number, (search, _) in enumerate(candidates)])
+    rows = Rows.joined([replace(search.noises, spectrum=np.full(len(search.noises), number))
+                        for number, (search, _) in enumerate(candidates)])
     # Half a nat is close enough to locate the trend.
-    beside, rows, _ = _climbed(spectra, candidates, tried, 0.5)
+    rough = _maximised(spectra, candidates, rows, 0.5)
     # At first, a strong trend passes for noise: refine it after both are fitted together.
-    candidates = [_nearer(candidate, beside, of_axis(rows, number))
+    candidates = [_refined(candidate, rough.spectra, of_axis(rough.rows, number))
                   for number, candidate in enumerate(candidates)]
-    beside, rows, groups = _climbed(spectra, candidates, rows)
-    occam = np.empty(len(rows))
-    for number, (_, found) in enumerate(candidates):
+    fitted = _maximised(spectra, candidates, rough.rows)
+    rows, occam = fitted.rows, np.empty(len(fitted.rows))
+    for number, trends in enumerate(fitted.trends):
         own = of_axis(rows, number)
-        sizes = likelihood.fitted_mean(beside, own, own.x)[2][:, 0]
-        occam[rows.of == number] = _occam(sizes, found)
-    return Fitted(beside, replace(rows, evidence=rows.evidence + occam, prior=rows.prior + occam),
-                  np.array([search.axis for search, _ in candidates]),
-                  [found for _, found in candidates], groups)
+        *_, sizes, _ = likelihood.fitted_mean(fitted.spectra, own, own.x)
+        occam[rows.spectrum == number] = _occam(sizes[:, 0], trends)
+    return replace(fitted, rows=replace(rows, evidence=rows.evidence + occam,
+                                        prior=rows.prior + occam))
 
 
-def _climbed(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
-             tolerance: float = 0.02) -> tuple[Spectra, Rows, list[Groups]]:
-    """Fit rows with their candidates; `of` of a row is the candidate's index."""
-    groups = [search.bank.record.groups(*waveforms(found, search.bank.shared.duration_s))
-              for search, found in candidates]
-    beside = spectra.with_regressors(groups, np.array([search.axis for search, _ in candidates]))
-    return beside, maximise_rows(beside, rows, hopeless=16.0, tolerance=tolerance), groups
+def _maximised(spectra: Spectra, candidates: Sequence[Candidate], rows: Rows,
+               tolerance: float = 0.02) -> Fitted:
+    """Fit rows with their candidates; `spectrum` of a row is the candidate's index."""
+    axes = np.array([search.axis for search, _ in candidates])
+    groups = [search.bank.record.groups(*waveforms(trends, search.bank.shared.duration_s))
+              for search, trends in candidates]
+    spectra = spectra.with_regressors(groups, axes)
+    rows = maximise_rows(spectra, rows, hopeless=16.0, tolerance=tolerance)
+    return Fitted(spectra, rows, axes, [trends for _, trends in candidates], groups)
 
 
-def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
+def _refined(candidate: Candidate, spectra: Spectra, rows: Rows) -> Candidate:
     """Refit the nuisances in turn, the last trend's last, with the best noise model."""
-    search, found = candidate
-    lam = expected_powers(beside, rows.best())[0]
+    search, trends = candidate
+    power = expected_powers(spectra, rows.best())[0]
     # Each nuisance is fitted in turn, with the others held fixed, until none changes.
-    turns = 6 if len(found) > 1 else 1
+    turns = 6 if len(trends) > 1 else 1
     before: list[float] = []
     for turn in range(turns):
-        values = [one.value for one in found]
+        values = [trend.value for trend in trends]
         last = turn == turns - 1 or values == before
-        for _ in found:
-            first, *others = found
-            about = search.bank.about(beside.frequency, lam, others)
-            number = search.bank.shared.kinds.index(first.kind)
-            gains = about.gains(number)[0]
-            first = about.likeliest(number, gains)
-            if last and first.kind.key == 'bias_step' and gains.max() > 30:
-                first = _located(search.bank, number, first, others, beside.frequency, lam)
-            found = (*others, first)
+        for _ in trends:
+            trend, *others = trends
+            whitened = search.bank.whitened(spectra.frequency, power, others)
+            number = search.bank.shared.kinds.index(trend.kind)
+            gains = whitened.gains(number)[0]
+            trend = whitened.likeliest(number, gains)
+            if last and trend.kind.key == 'bias_step' and gains.max() > 30:
+                trend = _located(search.bank, number, trend, others, spectra.frequency, power)
+            trends = (*others, trend)
         if last:
             break
         before = values
-    return search, found
+    return search, trends
 
 
-def _located(bank: AxisBank, number: int, found: Found, others: Sequence[Found], frequency: Array,
-             lam: Array) -> Found:
+def _located(bank: AxisBank, number: int, step: Found, others: Sequence[Found], frequency: Array,
+             power: Array) -> Found:
     """Locate a large step by faster coefficients, too, as it would be seen beside its place."""
     for slowest in (8 * _SLOWEST, 64 * _SLOWEST):
         finer = AxisBank(bank.shared, bank.record, slowest)
-        values = found.value + bank.shared.duration_s / slowest * np.arange(-8, 8.1, 0.5)
-        gains = finer.about(frequency, lam, others).gains(number, values)[0]
-        found = replace(found, value=float(values[_largest(gains)]))
-    return found
+        values = step.value + bank.shared.duration_s / slowest * np.arange(-8, 8.1, 0.5)
+        gains = finer.whitened(frequency, power, others).gains(number, values)[0]
+        step = replace(step, value=float(values[_largest(gains)]))
+    return step
 
 
 def expected_powers(spectra: Spectra, rows: Rows) -> Array:
@@ -495,25 +503,26 @@ def expected_powers(spectra: Spectra, rows: Rows) -> Array:
     found = np.empty((len(rows), len(spectra.frequency)))
     for part in likelihood.batches(rows):
         some = rows.take(part)
-        found[part] = likelihood.spectrum(spectra, some, some.x, slopes=False)[0]
+        found[part] = likelihood.model_spectrum(spectra, some, some.x, slopes=False)[0]
     return found
 
 
-def _occam(sizes: Array, found: Sequence[Found]) -> Array:
+def _occam(sizes: Array, trends: Sequence[Found]) -> Array:
     """
     Return the log priors of the trends relative to the flat prior of the regression.
 
     `sizes`, shape (rows, regressors): of the trends the last.
     """
-    total = np.full(len(sizes), sum(one.share for one in found))
-    at = sizes.shape[1] - sum(one.width for one in found)
-    for one in found:
-        square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
-        if one.kind.key == 'slow_cycle':
-            total += np.log(one.kind.prior / square.sum(axis=1))
+    total = np.full(len(sizes), sum(trend.share for trend in trends))
+    column = sizes.shape[1] - sum(trend.width for trend in trends)
+    for trend in trends:
+        square = np.maximum(sizes[:, column:column + trend.width]**2, 1e-300)
+        if trend.kind.key == 'slow_cycle':
+            total += np.log(trend.kind.prior / square.sum(axis=1))
         else:
-            total += (np.log(one.kind.prior / 2) + 0.5 * np.log(2 * np.pi / square)).sum(axis=1)
-        at += one.width
+            factor = 0.5 * np.log(2 * np.pi / square)
+            total += (np.log(trend.kind.prior / 2) + factor).sum(axis=1)
+        column += trend.width
     return total
 
 
@@ -537,23 +546,24 @@ def _noises(spectra: Spectra, start: Start, best: Rows) -> Iterator[Model]:
     They are combinations of the terms, and the slow noise of the best model. Each is tried with
     the fast end of the best model and a plain one, since a trend can pass for a filter.
     """
-    has, x, edge, family = best.has[0], best.x[0], int(best.edge[0]), int(best.family[0])
-    bent = tuple(slot for slot in FAST if has[slot])
-    slow = tuple(slot for slot in np.flatnonzero(has).tolist() if slot not in (N, K, *FAST))
-    ends: list[tuple[tuple[int, ...], Array, int]] = [(bent, x, edge)]
-    if bent or edge < len(spectra.frequency):
-        ends.append(((), start.x, len(spectra.frequency)))
-    seen = set()
-    for (fast, x, edge), more, random_walk in product(
-            ends, ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow), ((), (K,))):
-        slots = tuple(sorted({N, *more, *random_walk, *fast}))
-        if slots in seen:
+    has = best.present[0]
+    best_fast = tuple(slot for slot in FAST if has[slot])
+    best_slow = tuple(slot for slot in np.flatnonzero(has).tolist() if slot not in (N, K, *FAST))
+    best_edge, no_edge = int(best.edge[0]), len(spectra.frequency)
+    ends: list[tuple[tuple[int, ...], Array, int]] = [(best_fast, best.x[0], best_edge)]
+    if best_fast or best_edge < no_edge:
+        ends.append(((), start.x, no_edge))
+    proposed = set()
+    for (fast, x, edge), slow, random_walk in product(
+            ends, ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), best_slow), ((), (K,))):
+        slots = tuple(sorted({N, *slow, *random_walk, *fast}))
+        if slots in proposed:
             continue
-        seen.add(slots)
+        proposed.add(slots)
         begin = x.copy()
         begin[K] = min(max(x[K], 0.3), 2.0) if has[K] else 0.3
         if not has[B]:
             begin[B] = max(start.x[B], 0.3)
         if not has[TIME]:
             begin[TIME], begin[PROCESS] = spectra.tables.terms[1].last[0] - 2.0, 1.5
-        yield Model(slots, begin, family, edge)
+        yield Model(slots, begin, int(best.low_pass[0]), edge)

@@ -99,32 +99,31 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float 
     """
     parts = []
     for number, section in enumerate(sections):
-        step = section.step * dt
-        shapes = _block_shapes if section.coefficients is None else _shapes
-        flicker, random_walk, s2 = shapes(section.length, section.first, section.last)
-        index, part = np.arange(section.first, section.last), slice(section.first, section.last)
+        step_s, index = section.step * dt, np.arange(section.first, section.last)
+        used = slice(section.first, section.last)
+        is_block = section.coefficients is None
+        shapes = _block_shapes if is_block else _shapes
+        flicker, random_walk, sin2 = shapes(section.length, section.first, section.last)
         white = white_through_interpolation(
-            index / (2 * section.length * section.step), interpolated) / step
+            index / (2 * section.length * section.step), interpolated) / step_s
         if section.gaps.white is not None:
-            white *= section.gaps.white[part]
+            white *= section.gaps.white[used]
         # Flicker changes over each gap as it does not over the line that fills it.
         flicker = flicker * (1 - section.gaps.filled)
-        quantized = 4 * s2 / step**2 + quantization_leak(index, section.length, step)
-        design = np.stack((quantized, white, flicker, step * random_walk), axis=1)
-        ramp = spectrum.ramp_dct(section.length, step)[section.first - 1:section.last - 1]
-        if section.coefficients is None:
-            signed, squared = np.zeros((len(section.power), len(index))), -ramp**2
-        else:
-            signed, squared = section.coefficients[:, part], ramp**2
+        quantization = 4 * sin2 / step_s**2 + quantization_leak(index, section.length, step_s)
+        ramp = spectrum.ramp_dct(section.length, step_s)[section.first - 1:section.last - 1]
         # Interpolated samples contain no information; means over many samples hardly have any.
-        known = 1 - max(section.gaps.filled, interpolated if section.step == 1 else 0.0)
+        measured = 1 - max(section.gaps.filled, interpolated if section.step == 1 else 0.0)
+        coefficient = (np.zeros((len(section.power), len(index)))
+                       if section.coefficients is None else section.coefficients[:, used])
+        ones = np.ones(len(index))
         parts.append(Bins(
-            index / (2 * section.length * step),
-            np.full(len(index), float(known * section.blocks)),
-            section.power[:, part], design, signed, squared,
-            np.full(len(index), section.coefficients is not None),
-            np.full(len(index), float(section.step)), np.full(len(index), float(section.length)),
-            np.full(len(index), number), index))
+            frequency=index / (2 * section.length * step_s),
+            dof=measured * section.blocks * ones, power=section.power[:, used],
+            design=np.stack((quantization, white, flicker, step_s * random_walk), axis=1),
+            coefficient=coefficient, ramp=-ramp**2 if is_block else ramp**2,
+            whole=np.full(len(index), not is_block), step=section.step * ones,
+            length=section.length * ones, section=np.full(len(index), number), index=index))
     return Bins(*(np.concatenate([getattr(part, field.name) for part in parts],
                                  axis=int(field.name in ('power', 'coefficient')))
                   for field in fields(Bins)))

@@ -11,6 +11,7 @@ whole record, since blocks keep only power.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.bins import Bins, narrow_bands
@@ -38,7 +39,7 @@ class Groups:
     ramp: Array    # (groups, records)
     # (groups, records, regressors): mean of coefficient times regressor; zero in blocks
     along: Array
-    # (groups, records, regressors, regressors): mean products of the regressors
+    # (groups, records, regressors, regressors): mean products of the regressors with each other
     among: Array
 
     @property
@@ -77,26 +78,26 @@ def grouped(bins: Bins, axis: int, keep: Bools | None = None,
     every whole-record part stay single.
     """
     band, weight = bins.band, bins.dof if keep is None else bins.dof * keep
-    total: Array = np.bincount(band, weight).astype(np.float64)
-    there = np.flatnonzero(total > 0)
-    there = there[np.argsort(np.bincount(band, weight * bins.frequency)[there] / total[there])]
+    dof: Array = np.bincount(band, weight).astype(np.float64)
+    used = np.flatnonzero(dof > 0)
+    used = used[np.argsort(np.bincount(band, weight * bins.frequency)[used] / dof[used])]
     whole = np.flatnonzero(bins.whole)
 
-    def mean(values: Array, at: Ints | slice = slice(None)) -> Array:
-        """Average over bands, in order of frequency; values are zero except in the bins `at`."""
-        sums = np.bincount(band[at], weight[at] * values, len(total))
-        return np.asarray(sums[there] / total[there])
+    def mean(values: Array, where: Ints | slice = slice(None)) -> Array:
+        """Average over bands, in order of frequency; `where`: bins of the values, else zero."""
+        sums = np.bincount(band[where], weight[where] * values, len(dof))
+        return np.asarray(sums[used] / dof[used])
 
     columns = [bins.of_ramp[whole], *([] if regressors is None else regressors[whole].T)]
     along = np.stack([mean(bins.coefficient[axis, whole] * column, whole) for column in columns],
                      axis=1)[:, None]
-    among = np.empty((len(there), 1, len(columns), len(columns)))
-    for i, one in enumerate(columns):
+    among = np.empty((len(used), 1, len(columns), len(columns)))
+    for i, column in enumerate(columns):
         for j, other in enumerate(columns[:i + 1]):
-            among[:, 0, i, j] = among[:, 0, j, i] = mean(one * other, whole)
+            among[:, 0, i, j] = among[:, 0, j, i] = mean(column * other, whole)
     if known is not None:
         return replace(known, along=along, among=among)
-    return Groups(mean(bins.frequency), total[there], mean(bins.power[axis]),
+    return Groups(mean(bins.frequency), dof[used], mean(bins.power[axis]),
                   np.stack([mean(column) for column in bins.design.T], axis=1),
                   mean(bins.step), mean(bins.length), mean(bins.ramp)[:, None], along, among)
 
@@ -121,25 +122,23 @@ def joined_groups(parts: Sequence[Groups], *, apart: bool = False) -> Groups:
     """
     if len(parts) == 1:
         return parts[0]
-    every, records = padded(parts), np.cumsum([0, *(part.records for part in parts)])
-    frequency, dof, step, of_ramp = (np.concatenate(values) for values in zip(*(
+    parts = padded(parts)
+    frequency, part_dof, step, ramp = (np.concatenate(values) for values in zip(*(
         (part.frequency, part.dof, part.step, part.ramp.min(axis=1)) for part in parts),
         strict=True))
-    band = np.arange(len(dof)) if apart else narrow_bands(frequency, step, of_ramp >= 0)
-    total: Array = np.bincount(band, dof).astype(np.float64)
+    band = np.arange(len(part_dof)) if apart else narrow_bands(frequency, step, ramp >= 0)
+    dof: Array = np.bincount(band, part_dof).astype(np.float64)
     bands = np.split(band, np.cumsum([len(part.dof) for part in parts])[:-1])
+    first = np.cumsum([0, *(part.records for part in parts)]).tolist()
 
     def mean(name: str) -> Array:
         """Average over bands; what belongs to a record is zero for the others."""
-        values = [getattr(part, name) for part in every]
-        own = name in ('ramp', 'along', 'among')
-        shape = (int(records[-1]), *values[0].shape[2:]) if own else values[0].shape[1:]
-        sums = np.zeros((len(total), *shape))
-        for part, value, at, first, last in zip(
-                every, values, bands, records[:-1], records[1:], strict=True):
-            weighted = (part.dof * value.T).T
-            np.add.at(sums[:, first:last] if own else sums, at, weighted)
-        return np.asarray((sums.T / total).T)
+        by_record, shape = name in ('ramp', 'along', 'among'), getattr(parts[0], name).shape[1:]
+        sums = np.zeros((len(dof), *((first[-1], *shape[1:]) if by_record else shape)))
+        for part, groups, records in zip(parts, bands, pairwise(first), strict=True):
+            weighted = (part.dof * getattr(part, name).T).T
+            np.add.at(sums[:, slice(*records)] if by_record else sums, groups, weighted)
+        return np.asarray((sums.T / dof).T)
 
-    joined = replace(Groups(*(mean(field.name) for field in fields(Groups))), dof=total)
+    joined = replace(Groups(*(mean(field.name) for field in fields(Groups))), dof=dof)
     return joined.select(np.argsort(joined.frequency, kind='stable'))

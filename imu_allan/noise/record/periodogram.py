@@ -111,12 +111,6 @@ class Stage(MultiAxis):
     # Means that do not fill a block yet
     waiting: Cells = field(init=False, metadata=begun(no_cells))
 
-    def _put(self, length: int, power: Array, blocks: int, excess: float) -> None:
-        own = self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
-        own.power += power
-        own.blocks += blocks
-        own.excess += excess
-
     def add(self, rows: Array, variance: Array | None = None) -> list[tuple[int, int, Array]]:
         """
         Split consecutive points into the longest possible blocks and add them.
@@ -132,12 +126,15 @@ class Stage(MultiAxis):
             count = (rows.shape[1] - start) // length
             if not count:
                 continue
-            part = rows[:, start:start + count * length].reshape(self.axes, count, length)
-            coefficients = dct(part, norm='ortho')
-            power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
             end = start + count * length
-            excess = 0.0 if variance is None else float((variance[start:end] - 1).sum()) / length
-            self._put(length, power, count, excess)
+            blocks = rows[:, start:end].reshape(self.axes, count, length)
+            coefficients = dct(blocks, norm='ortho')
+            power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
+            total = self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
+            total.power += power
+            total.blocks += count
+            if variance is not None:
+                total.excess += float((variance[start:end] - 1).sum()) / length
             added.append((length, count, power))
             start = end
         return added
@@ -220,18 +217,18 @@ class Periodogram(MultiAxis):
         # Quantization noise at both ends of a block leaks equally into all of them, so that they
         # vary together; in later ones it is at most a tenth of the quantization noise itself.
         lowest = HIGHEST_OF_MEANS / MEANS
-        for i, stage in reversed([*enumerate(self.stages)]):
-            step = MEANS**i
+        for number, stage in reversed([*enumerate(self.stages)]):
+            step = MEANS**number
             if step >= self.cell:
                 continue
-            low = max(border * step, lowest if i + 1 < len(self.stages) else 0)
-            high = HIGHEST_OF_MEANS if i else 0.5
-            for length, own in sorted(stage.sums.items(), reverse=True):
+            low = max(border * step, lowest if number + 1 < len(self.stages) else 0)
+            high = HIGHEST_OF_MEANS if number else 0.5
+            for length, total in sorted(stage.sums.items(), reverse=True):
                 # Never empty: `low` is at most an eighth, a block has at least 16 points.
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
-                found.append(SpectrumSection(step, length, own.blocks, first, last,
-                                             own.power / own.blocks, gaps=own.gaps))
+                found.append(SpectrumSection(step, length, total.blocks, first, last,
+                                             total.power / total.blocks, gaps=total.gaps))
             border = max(border, lowest / step)
         return found
 

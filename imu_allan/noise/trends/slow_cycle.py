@@ -129,7 +129,7 @@ def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
     theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
     number = [kind.key for kind in bank.kinds].index('slow_cycle')
-    gains = AxisBank(bank, replace(record, keep=keep)).about(
+    gains = AxisBank(bank, replace(record, keep=keep)).whitened(
         groups.frequency, _expected(groups, theta), ()).gains(number)[0]
     return float(bank.grids[number][int(np.argmax(gains))])
 
