@@ -136,11 +136,10 @@ class Seen(Record):
         if len(self.stamps) and block.header_ns[0] < self.stamps[0]:
             self.stamps = np.concatenate((block.header_ns[:first], self.stamps))
             self.samples = np.concatenate((block.samples[:first], self.samples))
-        else:
-            rows = np.arange(-self.count % self.every, len(block), self.every)
-            rows = rows[block.header_ns[rows] > self.last_ns]
-            self.stamps = np.concatenate((self.stamps, block.header_ns[rows]))
-            self.samples = np.concatenate((self.samples, block.samples[rows]))
+        # The player may be started anew at any place.
+        rows = np.arange(-self.count % self.every, len(block), self.every)
+        self.stamps = np.concatenate((self.stamps, block.header_ns[rows]))
+        self.samples = np.concatenate((self.samples, block.samples[rows]))
         self.count += len(block)
         while len(self.stamps) > _MOST:
             self.every *= 2

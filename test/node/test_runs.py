@@ -269,12 +269,13 @@ def test_a_recording_joined_in_the_middle_counts_once_from_its_beginning_on(join
     # One axis is absent, as of an IMU of five.
     whole, world = at_rest(4000, mean=(0, 0, np.nan, 0, 0, 9.8)), World()
     played = np.concatenate([np.arange(joined, 4000), np.tile(np.arange(4000), 2)])
-    # Then the player is started anew, and the node.
+    # Then the player is started anew, later also at another place, and the node.
     for begin in range(3):
         world.comes(whole.part(played), together=together)
         assert world.facts[0].looping
         world.runs.run.lanes[0].power_on()
-        world, played = World(resumed(world.runs.run)) if begin else world, np.arange(4000)
+        world = World(resumed(world.runs.run)) if begin else world
+        played = np.arange(500 * begin, 4000)
     assert world.samples == 4000
 
 

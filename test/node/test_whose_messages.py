@@ -167,11 +167,13 @@ def test_a_driver_that_was_killed_and_started_again_is_one_publisher(ros, health
 
 
 def test_a_recording_in_a_loop_is_counted_once(ros, health):
-    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    parameters = {'publish_period': 0.5, 'state_file': str(ros.folder / 'state')}
+    node = ros.start('imu_allan_node', parameters)
     driver = Driver(ros).wait_for_node()
     recording = at_rest(2000, RATE_HZ)
-    for _ in range(3):
-        driver.replay(recording)
+    # The node joins in the middle.
+    for first in (1200, 0, 0):
+        driver.replay(recording.part(slice(first, None)))
         driver.until_taken()
     repeat = (f'the messages on {driver.topic} repeat from the first one on, as a recording '
               'played in a loop does: what has come before is passed over')
@@ -179,6 +181,15 @@ def test_a_recording_in_a_loop_is_counted_once(ros, health):
     document = ros.until(ros.saved)
     assert document['timeline']['samples'] == 2000
     assert document['timeline']['out_of_order'] == document['timeline']['duplicates'] == 0
+    # A node that is started anew hears first what it joined too late the time before.
+    driver.dead = driver.subscriptions()
+    assert node.stop() == 0
+    node = ros.start('imu_allan_node', parameters)
+    driver.wait_for_node()
+    driver.replay(recording.part(slice(500, None)))
+    driver.until_taken()
+    ros.until(lambda: repeat in node.lines)
+    assert ros.saved()['timeline']['samples'] == 2000
     # New stamps are new samples.
     driver.next = 2000
     driver.publish(1000)
