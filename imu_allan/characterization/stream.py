@@ -209,9 +209,20 @@ class Characterization:
             None before the first sample.
 
         """
-        twin = self.snapshot()
-        twin.finish()
+        twin = self._finished()
         return twin._finished_record(twin.summary())
+
+    def _finished(self) -> Characterization:
+        """Return a copy that has taken in what the timeline holds back, if that is usable."""
+        twin = self.snapshot()
+        try:
+            twin.finish()
+        except ImuAllanError as error:
+            # For a short recording, everything is decided here; a topic may get better.
+            if self._memory.kind == 'topic':
+                return self.snapshot()
+            raise ImuAllanError(f'{self.place}: {error}') from error
+        return twin
 
     def _finished_record(self, summary: TimelineSummary) -> FinishedRecord | None:
         rate = summary.timeline.sample_rate_hz
@@ -245,14 +256,7 @@ class Characterization:
     def fitted(self, remarks: Iterable[Finding] = ()
                ) -> tuple[Result, Fits, FinishedRecord | None]:
         """Return the result, as `result` does, and the fits of all axes and data behind it."""
-        twin = self.snapshot()
-        try:
-            twin.finish()
-        except ImuAllanError as error:
-            # For a short recording, everything is decided here.
-            if self._memory.kind == 'topic':
-                raise
-            raise ImuAllanError(f'{self.place}: {error}') from error
+        twin = self._finished()
         summary = twin.summary()
         if summary.mostly_motion and self._memory.kind == 'recording':
             # Two sensors on one topic look like one that moves.

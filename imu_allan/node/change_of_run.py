@@ -222,7 +222,7 @@ class Runs:
             lane.known.publishers = sorted(topic.offers())
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
-            self._log.error(lane.error, f'useless samples {topic.number}')
+            self._log.error(lane.error, f'useless samples {topic.facts.topic}')
         if topic.elsewhere:
             if self._others[0].span_s >= self._proof_s():
                 self._replace()

@@ -26,7 +26,7 @@ from imu_allan.node.parameters import CHARACTERIZATION, declare, TOPIC, warn_of_
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
 from imu_allan.node.reception import QUEUE_MESSAGES, Reception
-from imu_allan.node.run import Lane, LOOK_S, Run, Setup, UnusableState, useless
+from imu_allan.node.run import Lane, LOOK_S, Run, Setup, UnusableState
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
@@ -240,16 +240,11 @@ class CharacterizationNode(AnyExecutorNode):
     def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
         """Summarize the timeline, and log what has changed."""
         facts = reception.facts
-        snapshot = lane.snapshot().characterization
-        try:
-            snapshot.finish()
-        except ImuAllanError as error:
-            # The samples that the timeline holds back are unusable; the next ones may be usable.
-            facts.update_error = useless(error)
+        snapshot = lane.snapshot()
+        facts.update_error = snapshot.finish()
+        if facts.update_error:
             self._log.error(facts.update_error, f'useless samples {facts.topic}')
-        else:
-            facts.update_error = ''
-        summary = snapshot.summary()
+        summary = snapshot.characterization.summary()
         facts.timeline = summary.timeline
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         reception.changes.see_timeline(now, facts, summary)

@@ -196,6 +196,15 @@ class LaneSnapshot(NamedTuple):
     half: Half | None
     remarks: Sequence[Finding]
 
+    def finish(self) -> str:
+        """Take in what the timeline holds back; return why it cannot be used, if so."""
+        try:
+            self.characterization.finish()
+        except ImuAllanError as error:
+            # The next samples may be usable.
+            return useless(error, self.characterization)
+        return ''
+
 
 @dataclass(eq=False)
 class Lane:
@@ -260,7 +269,7 @@ class Lane:
         try:
             to.update(block if self.half is None else block.only(self.half))
         except ImuAllanError as error:
-            self.error = useless(error)
+            self.error = useless(error, self.characterization)
 
 
 @dataclass(eq=False)
@@ -299,10 +308,10 @@ class Run:
         return [lane.snapshot() for lane in self.lanes]
 
 
-def useless(error: ImuAllanError) -> str:
+def useless(error: ImuAllanError, of: Characterization) -> str:
     """Return why messages cannot be used, with the remedies of a node, not of a command."""
-    return str(error).replace(' or state the sample rate (analyze --rate)', '').replace(
-        'analyze --clock', 'parameter clock')
+    reason = str(error).replace(' or state the sample rate (analyze --rate)', '')
+    return f'{of.topic}: {reason.replace("analyze --clock", "parameter clock")}'
 
 
 @dataclass(frozen=True)

@@ -261,7 +261,7 @@ def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_h
     [lane] = new_run(Setup('/imu', TimelineOptions(clock='header'))).lanes
     sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
-    assert lane.error == 'header stamps are zero: choose the other clock (parameter clock)'
+    assert lane.error == '/imu: header stamps are zero: choose the other clock (parameter clock)'
 
 
 @pytest.mark.parametrize(('joined', 'together'), [(1000, 50), (3700, 2500)])

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gyroscope and accelerometer on two topics, messages of other types, and a thermometer."""
 
+from dataclasses import replace
 import json
 import sys
 
@@ -71,6 +72,31 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(ros, health):
     assert remark['message'] == (
         f'the gyroscope from {topics[0]} at 200 Hz and the accelerometer from {topics[1]} at 125 '
         'Hz; rate, gaps and faults are those of the gyroscope')
+
+
+def test_useless_messages_cost_the_other_half_nothing_and_are_no_fault_of_the_disk(ros, health):
+    drivers = {name: Driver(ros, f'camera/{name}/sample') for name in HALF_RATES_HZ}
+    topics = [driver.topic for driver in drivers.values()]
+    node = ros.start('imu_allan_node', {
+        'publish_period': 0.5, 'clock': 'header', 'gyro_topic': topics[0],
+        'accel_topic': topics[1], **lossless(topics[0]), **lossless(topics[1])}, best_effort=True)
+    for driver in drivers.values():
+        driver.wait_for_node()
+    accel = half('accel', 20.0)
+    drivers['accel'].replay(replace(accel, header_ns=np.zeros_like(accel.header_ns)))
+    drivers['accel'].until_taken()
+    why = f'{topics[1]}: header stamps are zero: choose the other clock (parameter clock)'
+    ros.until(lambda: health.said('timeline accel', why, b'\2'))
+    answer = ros.call(Trigger, 'imu_allan/save')
+    assert (answer.success, answer.message) == (False, f'nothing to save: {why}')
+    health.news()
+    assert health.level('storage') == health.level('estimation') == b'\0'
+    drivers['gyro'].replay(half('gyro', 20.0))
+    drivers['gyro'].until_taken()
+    assert sorted(ros.saved_with(4000)['axes']) == ['gyro_x', 'gyro_y', 'gyro_z']
+    assert node.stop() == 0
+    assert why in node.lines, node.log
+    assert 'analyze' not in node.log
 
 
 def test_each_half_may_have_a_type_of_its_own_whose_fields_are_named(ros):
