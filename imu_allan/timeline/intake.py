@@ -44,11 +44,16 @@ def usable(memory: Memory, window: Window) -> Messages:
     ends_ns = -2**61, 2**61
     window = replace(window, header_ns=np.clip(window.header_ns, *ends_ns),
                      receive_ns=np.clip(window.receive_ns, *ends_ns))
-    decision, c = memory.decision, window.consumed
+    decision = memory.decision
     # The usual case, in which several searches are not needed.
     all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
                       and window.samples.min() > -LARGEST)
-    repeats = memory.content.look(window.samples, c, all_usable)
+    if decision.clock is None and not all_usable:
+        window = _from_first_value(memory, window)
+    c, values = window.consumed, window.samples
+    if not all_usable:
+        values = np.where(np.all(window.absent, axis=1, keepdims=True), np.nan, values)
+    repeats = memory.content.look(values, c, all_usable)
     if decision.clock is None:
         _decide(memory, window, repeats)
         if alternates(window.samples[~(repeats.held | repeats.frozen)]):
@@ -75,6 +80,18 @@ def usable(memory: Memory, window: Window) -> Messages:
     counts.receive.last_ns = int(window.receive_ns[c - 1])
     messages, left_out = Messages(stamps, other, samples, c, void), repeats.frozen | twice
     return messages.pick(~left_out) if left_out.any() else messages
+
+
+def _from_first_value(memory: Memory, window: Window) -> Window:
+    """Leave out the messages without any value that a driver sends before it measures."""
+    there = np.isfinite(window.samples) & ~np.repeat(window.absent, 3, axis=1)
+    first = int(np.argmax(there.any(axis=1)))
+    if first >= window.consumed:
+        return window
+    memory.counts.messages += first
+    memory.counts.rejected += first
+    return replace(window, consumed=window.consumed - first,
+                   **vars(window.part(slice(first, None))))
 
 
 def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:

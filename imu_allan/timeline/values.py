@@ -122,8 +122,10 @@ class Content(Record):
         first = not self.last
         before = known[0] + 1 if first else np.array(self.last)
         differs = np.concatenate([[known[0] != before], known[1:] != known[:-1]])
-        same: Bools = ~np.any(differs, axis=1)
-        fresh = ~same[:consumed]
+        # Messages without any value tell nothing of the sensor.
+        empty: Bools = np.all(np.isnan(samples), axis=1)
+        same: Bools = ~np.any(differs, axis=1) & ~empty
+        fresh = ~(same | empty)[:consumed]
         fresh[0] &= not first
         run, whole = count_in_runs(same, self.run)
         long = same & (whole >= _FROZEN_RUN)

@@ -179,6 +179,24 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(ros, health
     assert node.stop() == 0, node.log
 
 
+def test_a_driver_that_sends_no_value_at_first_is_used_as_soon_as_it_measures(ros, health):
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros).wait_for_node()
+    driver.publish(2000, shaken=np.nan)
+    driver.until_taken()
+    why = (f'{driver.topic}: the messages carry neither angular velocity nor linear acceleration '
+           '(covariance[0] is -1 or every value is NaN): choose another topic')
+    ros.until(lambda: health.said('timeline', why, b'\2'))
+    driver.publish(1000)
+    driver.until_taken()
+    health.news()
+    assert health.level('timeline') != b'\2', health.status('timeline')
+    document = ros.saved_with(1000)
+    assert set(document['axes']) == set(AXES)
+    assert [one['code'] for one in document['warnings']] == ['short_recording']
+    assert why in node.lines, node.log
+
+
 def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(ros):
     # Stands for any bug: the timer's callback calls a function that raises.
     (ros.folder / 'sitecustomize.py').write_text(

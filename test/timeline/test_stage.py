@@ -132,6 +132,33 @@ def test_messages_without_any_field_are_refused_until_there_is_one():
     assert (timeline.samples, timeline.rejected) == (10_000, 10_000)
 
 
+@pytest.mark.parametrize('value', [np.nan, 'absent'])
+def test_messages_without_any_field_at_first_do_not_decide_about_those_after_them(value):
+    block = still(2000)
+    if value == 'absent':
+        block.samples[:1500], block.absent[:1500] = 0.0, True
+    else:
+        block.samples[:1500] = value
+    # A driver sets no time either before it measures.
+    block.header_ns[:1500] = 0
+    summary, even = run(block)
+    assert np.array_equal(rows_by_place(even)[1], block.samples[1500:])
+    assert (summary.timeline.samples, summary.timeline.rejected) == (500, 1500)
+    assert (summary.clock, summary.remarks) == ('header', ())
+
+
+@pytest.mark.parametrize('value', [np.nan, 'absent'])
+def test_messages_without_any_field_later_are_a_gap_and_no_sensor_that_stood_still(value):
+    block = still(9000)
+    if value == 'absent':
+        block.samples[6000:6500], block.absent[6000:6500] = 0.0, True
+    else:
+        block.samples[6000:6500] = value
+    summary, _ = run(block)
+    assert (summary.timeline.samples, summary.timeline.rejected) == (8500, 500)
+    assert [one.code for one in summary.remarks] == ['field_absent']
+
+
 def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted():
     one, other = still(2000), still(2000, seed=1, frame_id='base_link')
     blocks = []
