@@ -102,6 +102,7 @@ class CharacterizationNode(AnyExecutorNode):
             finds_unit=not (values['accel_unit'] or values['accel_field']))
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
+        warn_of_unknown(self, qos=True)
         self._storage = Storage(name, setup, self._worker, self._facts, self._log, values)
         run = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.

@@ -63,7 +63,7 @@ class Setting:
     @property
     def kind(self) -> str:
         """Say in words what ROS has to give as its value."""
-        return {int: 'a whole number', str: 'a text', tuple: 'a list of texts',
+        return {int: 'a whole number', str: 'a text in quotes', tuple: 'a list of texts',
                 float: f'a number with a decimal point, such as {self.default!r}'
                 }[type(self.default)]
 
@@ -192,11 +192,11 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     return values
 
 
-def warn_of_unknown(node: Node) -> None:
-    """Warn of parameters that were given to the node but that it does not have."""
+def warn_of_unknown(node: Node, *, qos: bool = False) -> None:
+    """Warn of given parameters that the node lacks; with `qos`, of overrides of other topics."""
     names = list(node.list_parameters([], 0).names)
     for name in given_parameters(node):
-        if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
+        if not node.has_parameter(name) and name.startswith('qos_overrides.') == qos:
             close = difflib.get_close_matches(name, names, 1)
             hint = f', did you mean {close[0]}?' if close else ''
             node.get_logger().warning(f'unknown parameter {name} is ignored{hint}')

@@ -117,6 +117,8 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
          'parameter publish_period: expected a number with a decimal point, such as 10.0'),
         (['use_sim_time:=maybe'], "Trying to set parameter 'use_sim_time' to 'maybe' of type "
          "'STRING', expecting type 'BOOL': use_sim_time"),
+        # YAML takes it for false.
+        (['state_file:=no'], 'parameter state_file: expected a text in quotes'),
         (['motion:=ignore'], "parameter motion: 'ignore' is not one of exclude, keep"),
         (["output_dir:=''"], 'parameter output_dir: must not be empty'),
         (['output_dir:=~no-such-user/x', 'state_file:=~no-such-user/x'],
@@ -172,10 +174,16 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
 
 def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault(ros, health):
     file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
-    node = ros.start('imu_allan_node', {'publish_perid': 5.0, 'use_sim_time': True}, files=(file,))
+    # The topic is in a namespace.
+    override = 'qos_overrides.{}imu/data_raw.subscription.reliability'
+    node = ros.start('imu_allan_node', {
+        'publish_perid': 5.0, 'use_sim_time': True, override.format('/'): 'reliable'},
+        files=(file,))
     driver = Driver(ros).wait_for_node()
     assert not ros.call(Trigger, 'imu_allan/save').success
-    assert 'unknown parameter publish_perid is ignored, did you mean publish_period?' in node.lines
+    for given, meant in (('publish_perid', 'publish_period'), (
+            override.format('/'), override.format(f'{ros.namespace}/'))):
+        assert f'unknown parameter {given} is ignored, did you mean {meant}?' in node.lines
     # There is no clock yet, but time goes on.
     health.news()
     assert (health.level('storage'), health.stamp_s) == (b'\0', 0)
