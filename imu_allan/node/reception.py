@@ -249,6 +249,8 @@ class Reception:
         self.facts = Facts(self.subscription.topic, self.subscription.depth, expected, half)
         self.changes = LogOfChanges(log, self.facts.topic)
         self._node = node
+        # Of both sensors, if each has its own.
+        self._given = [one for one in (topic, values['gyro_topic'], values['accel_topic']) if one]
         self._waiting: list[tuple[Ints, Batch]] = []
         self._publishers = Publishers(self.subscription.publisher_gids)
         # Number of messages at the last look.
@@ -323,11 +325,13 @@ class Reception:
         if facts.refused:
             return f'; {"; ".join(facts.refused)}'
         name_of_kind = kind.rpartition('/')[2]
+        own = {self._node.resolve_topic_name(topic) for topic in self._given}
         others = [name for name, types in self._node.get_topic_names_and_types()
-                  if kind in types and name != facts.topic and kind in [
+                  if kind in types and name not in own and kind in [
                       one.topic_type for one in self._node.get_publishers_info_by_topic(name)]]
         if others:
             remedy = f'-p {facts.half}_topic' if facts.half else f'-r {TOPIC}'
             return (f'; {name_of_kind} topics here: {", ".join(sorted(others))}; choose one with '
                     f'--ros-args {remedy}:=TOPIC')
-        return f'; no node publishes {name_of_kind} messages'
+        # The other sensor may come as such messages.
+        return f'; no {"other " if facts.half else ""}node publishes {name_of_kind} messages'

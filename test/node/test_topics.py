@@ -94,6 +94,10 @@ def test_useless_messages_cost_the_other_half_nothing_and_are_no_fault_of_the_di
     drivers['gyro'].replay(half('gyro', 20.0))
     drivers['gyro'].until_taken()
     assert sorted(ros.saved_with(4000)['axes']) == ['gyro_x', 'gyro_y', 'gyro_z']
+    # The topic of the other sensor is none to choose in its place.
+    ros.node.destroy_publisher(drivers['accel'].publisher)
+    ros.until(lambda: Varying(f'no message on {topics[1]} for <number> s; no other node publishes '
+                              'Imu messages') in node.lines)
     assert node.stop() == 0
     assert why in node.lines, node.log
     assert 'analyze' not in node.log
