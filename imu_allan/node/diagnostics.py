@@ -269,8 +269,9 @@ def unusable(summary: TimelineSummary) -> int:
 
 def _timeline(facts: Facts, summary: TimelineSummary) -> Status:
     timeline, counts, motion = summary.timeline, summary.counts, summary.motion
+    rate = _rate(summary)
     otherwise = ('no samples yet' if not timeline.samples else
-                 f'{counted(timeline.samples, "sample")} at {_rate(summary) or 0:.5g} Hz')
+                 counted(timeline.samples, 'sample') + (f' at {rate:.5g} Hz' if rate else ''))
     return *_worst(timeline_conditions(facts, summary), otherwise), {
         'rate_hz': summary.measured_rate_hz, 'jitter_s': summary.jitter_s, 'clock': summary.clock,
         'frame_id': summary.frame_id, 'samples': counts.samples, 'duration_s': timeline.duration_s,

@@ -56,7 +56,9 @@ def usable(memory: Memory, window: Window) -> Messages:
     repeats = memory.content.look(values, c, all_usable)
     if decision.clock is None:
         _decide(memory, window, repeats)
-        if alternates(window.samples[~(repeats.held | repeats.frozen)]):
+        # A driver may send its two sensors in turn.
+        declared = np.where(np.repeat(window.absent, 3, axis=1), np.nan, window.samples)
+        if alternates(declared[~(repeats.held | repeats.frozen)]):
             decision.remarks['several_publishers'] = {}
     counts = memory.counts
     faulty = counts.header.add(window.header_ns[:c])

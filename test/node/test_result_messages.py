@@ -142,6 +142,8 @@ def test_findings_stand_with_their_axis_and_in_the_estimation_in_the_order_of_th
      '12 messages on /imu lost in the last 30 s: ask for reliable delivery and a queue for '
      '2.5 s of messages, with qos_overrides'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
+    ('timeline', facts(), summary(measured_rate_hz=None, timeline=Timeline(None, 1, 0.0)), OK,
+     '1 sample'),
     ('timeline', facts(), summary(mostly_motion=True), WARN,
      'the IMU was moving most of the time: let it rest'),
     ('timeline', facts(on_probation=True), summary(), OK,

@@ -159,6 +159,16 @@ def test_messages_without_any_field_later_are_a_gap_and_no_sensor_that_stood_sti
     assert [one.code for one in summary.remarks] == ['field_absent']
 
 
+def test_a_driver_that_sends_its_sensors_in_turn_is_not_taken_for_two():
+    block = still(6001)
+    for sensor in range(2):
+        block.absent[sensor::2, sensor] = True
+        block.samples[sensor::2, 3 * sensor:3 * sensor + 3] = 0.0
+    summary, _ = run(block)
+    assert 'several_publishers' not in {one.code for one in summary.remarks}
+    assert said(summary, 'field_absent').values == {'messages': 6001}
+
+
 def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted():
     one, other = still(2000), still(2000, seed=1, frame_id='base_link')
     blocks = []
