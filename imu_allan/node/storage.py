@@ -290,6 +290,9 @@ class Storage:
             run.saved = result
             try:
                 return save_folder(result, own, consumers, report=False, picture=picture)
+            except IncompleteSave as error:
+                # All that the result permits is written.
+                raise TooEarly(str(error)) from error
             finally:
                 # Only an empty folder is removed: nothing could be written.
                 with suppress(OSError):
@@ -317,9 +320,6 @@ class Storage:
             self.save(run, picture=picture).result()
         except TooEarly as error:
             self._log.info(str(error))
-        except IncompleteSave:
-            # All that the result permits is written, so the run is over.
-            return True
         except ImuAllanError:
             return False
         return True

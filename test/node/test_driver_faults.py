@@ -197,6 +197,21 @@ def test_a_driver_that_sends_no_value_at_first_is_used_as_soon_as_it_measures(ro
     assert why in node.lines, node.log
 
 
+def test_values_that_no_filter_can_use_are_no_fault_of_the_disk(ros, health):
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros).wait_for_node()
+    driver.publish(1000, shaken=0.0)
+    driver.until_taken()
+    answer = ros.call(Trigger, 'imu_allan/save')
+    why = Varying('no configuration for kalibr: no axis of this result has a noise density '
+                  f'(constant or too short); <words>; the other files are in {ros.folder}/<words>')
+    assert (answer.success, answer.message) == (False, why)
+    health.news()
+    assert health.level('storage') == b'\0', health.status('storage')
+    assert node.stop() == 0
+    assert why in node.lines
+
+
 def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(ros):
     # Stands for any bug: the timer's callback calls a function that raises.
     (ros.folder / 'sitecustomize.py').write_text(
