@@ -302,6 +302,8 @@ def test_silence_is_reported_with_the_topics_that_there_are(shared_ros, shared_d
     shared_ros.until(lambda: Varying(
         f'no message on {shared_driver.topic} for <number> s; Imu topics here: {other.topic}; '
         'choose one with --ros-args -r imu/data_raw:=TOPIC') in node.lines)
+    Driver(shared_ros).wait_for_node().publish(1)
+    shared_ros.until(lambda: f'messages come on {shared_driver.topic}' in node.lines)
     assert node.stop() == 0
 
 
