@@ -399,7 +399,7 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, limited: int, recorded_s:
     return verdict.judged(*said[decision]), True
 
 
-def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
+def _open(verdict: Verdict, why: str = 'not certain enough to stop; record for longer') -> Verdict:
     faulty = verdict.verdict == 'fail' and verdict.value is None
     return verdict if faulty else verdict.judged('cannot tell', why)
 

@@ -135,5 +135,7 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
                                 fits, shortest_s=args.min_duration)
             if found.decided:
                 break
-    print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
+    # A verdict that may be given at any time needs more evidence than one of the whole recording.
+    print(f'certain after {said(found.recorded_s)}' if found.decided else
+          f'not certain after {said(found.recorded_s)}; check without --live compares all of it')
     return result, list(found.verdicts)
