@@ -48,8 +48,6 @@ def usable(memory: Memory, window: Window) -> Messages:
     # The usual case, in which several searches are not needed.
     all_usable = bool(not window.absent.any() and window.samples.max() < LARGEST
                       and window.samples.min() > -LARGEST)
-    if decision.clock is None and not all_usable:
-        window = _from_first_value(memory, window)
     c, values = window.consumed, window.samples
     if not all_usable:
         values = np.where(np.all(window.absent, axis=1, keepdims=True), np.nan, values)
@@ -82,18 +80,6 @@ def usable(memory: Memory, window: Window) -> Messages:
     counts.receive.last_ns = int(window.receive_ns[c - 1])
     messages, left_out = Messages(stamps, other, samples, c, void), repeats.frozen | twice
     return messages.pick(~left_out) if left_out.any() else messages
-
-
-def _from_first_value(memory: Memory, window: Window) -> Window:
-    """Leave out the messages without any value that a driver sends before it measures."""
-    there = np.isfinite(window.samples) & ~np.repeat(window.absent, 3, axis=1)
-    first = int(np.argmax(there.any(axis=1)))
-    if first >= window.consumed:
-        return window
-    memory.counts.messages += first
-    memory.counts.rejected += first
-    return replace(window, consumed=window.consumed - first,
-                   **vars(window.part(slice(first, None))))
 
 
 def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:

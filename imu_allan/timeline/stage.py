@@ -21,6 +21,7 @@ from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary
+import numpy as np
 from numpy.typing import NDArray
 
 
@@ -54,11 +55,13 @@ class TimelineStage(Memory):
         # window are processed in the next one.
         look_ahead = 64
         while self.pending.messages >= (window := self._window):
-            blocks += self._process(self.pending.take(window, window - look_ahead))
+            if not self._leave_out_start(window):
+                blocks += self._process(self.pending.take(window, window - look_ahead))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
         """Return what is still held back, at the end of a recording."""
+        self._leave_out_start(self.pending.messages)
         n = self.pending.messages
         blocks = self._process(self.pending.take(n, n)) if n else []
         if self.motion is not None:
@@ -134,6 +137,20 @@ class TimelineStage(Memory):
         if interval_ns is None or 8192 * interval_ns > 20 * SECOND:
             return 4096
         return 8192 if 16_384 * interval_ns > 20 * SECOND else 16_384
+
+    def _leave_out_start(self, most: int) -> int:
+        """Drop the messages without any value before the first of `most` that has one."""
+        # A driver may send them before it measures. Clock and pace need a whole window after them.
+        if self.decision.clock is not None or not most:
+            return 0
+        window = self.pending.take(most, 0)
+        there = np.isfinite(window.samples) & ~np.repeat(window.absent, 3, axis=1)
+        first = int(np.argmax(there.any(axis=1)))
+        if first:
+            self.pending.take(first, first)
+            self.counts.messages += first
+            self.counts.rejected += first
+        return first
 
     def _process(self, window: Window) -> list[EvenBlock]:
         try:

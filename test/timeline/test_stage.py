@@ -147,6 +147,18 @@ def test_messages_without_any_field_at_first_do_not_decide_about_those_after_the
     assert (summary.clock, summary.remarks) == ('header', ())
 
 
+@pytest.mark.parametrize('empty', [4001, 4026, 4060, 4090])
+def test_the_pace_of_late_stamps_is_that_of_a_whole_window_after_messages_without_any_field(empty):
+    random = np.random.default_rng(empty)
+    block = still(empty + 20_000, 1000.0, late=np.abs(random.normal(0, 0.4, empty + 20_000)))
+    block.samples[:empty] = np.nan
+    lost = random.random(len(block)) < 0.01
+    summary, _ = run(block.part(~lost))
+    assert summary.timeline.sample_rate_hz == pytest.approx(1000.0, rel=1e-3)
+    assert summary.timeline.samples == np.count_nonzero(~lost[empty:])
+    assert summary.timeline.missing == pytest.approx(np.count_nonzero(lost[empty:]), abs=20)
+
+
 @pytest.mark.parametrize('value', [np.nan, 'absent'])
 def test_messages_without_any_field_later_are_a_gap_and_no_sensor_that_stood_still(value):
     block = still(9000)
