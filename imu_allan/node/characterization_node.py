@@ -344,7 +344,8 @@ class CharacterizationNode(AnyExecutorNode):
                                           self._values['coast']):
                     self._log.info(line)
             self._storage.close(is_over=all(done))
-            return all(done) and not self._worker.errors.get('save')
+            return (all(done) and not self._storage.incomplete
+                    and not self._worker.errors.get('save'))
 
     def _attempt(self, step: Callable[[], object]) -> bool:
         try:

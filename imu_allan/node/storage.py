@@ -168,6 +168,8 @@ class Storage:
         facts.state_file = '' if self._state_file is None else str(self._state_file.path)
         self._values = values
         self._last_checkpoint = time.monotonic()
+        # Whether the result did not permit all files that were asked for at the end.
+        self.incomplete = False
 
     def close(self, is_over: bool) -> None:
         """Release the state file; remove it if the run is over and nobody asked for the file."""
@@ -290,9 +292,6 @@ class Storage:
             run.saved = result
             try:
                 return save_folder(result, own, consumers, report=False, picture=picture)
-            except IncompleteSave as error:
-                # All that the result permits is written.
-                raise TooEarly(str(error)) from error
             finally:
                 # Only an empty folder is removed: nothing could be written.
                 with suppress(OSError):
@@ -320,6 +319,10 @@ class Storage:
             self.save(run, picture=picture).result()
         except TooEarly as error:
             self._log.info(str(error))
+        except IncompleteSave as error:
+            # All that the result permits is written, so the run is over.
+            self._log.info(str(error))
+            self.incomplete = True
         except ImuAllanError:
             return False
         return True

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.log import Log
+from imu_allan.writers.result_files import IncompleteSave
 
 T = TypeVar('T')
 
@@ -55,10 +56,11 @@ class Worker:
             self._jobs.remove(job)
             kind, future, done = job
             error = future.exception()
-            if error is None:
+            if error is None or isinstance(error, IncompleteSave):
                 self.errors[kind] = ''
+            if error is None:
                 done(future.result())
-            elif not isinstance(error, TooEarly):
+            elif not isinstance(error, TooEarly | IncompleteSave):
                 self.errors[kind] = self._logged(kind, error)
         if finished:
             _give_back_memory()
