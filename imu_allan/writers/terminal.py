@@ -34,7 +34,8 @@ def console_of(to: TextIO | None = None) -> 'Console':
             # That of rich ends the program with status 1, which is that of an error.
             raise BrokenPipeError
 
-        def print(self, *objects: Any, crop: bool = False, **options: Any) -> None:
+        def print(self, *objects: Any, crop: bool = False,  # noqa: A003
+                  **options: Any) -> None:
             # A table that is too wide is broken by the terminal, not cut.
             super().print(*objects, crop=crop, **options)
 
