@@ -95,7 +95,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
         before, sources = sources, [improved(source, posterior, finished)
                                     for source, posterior in zip(sources, fitted, strict=True)]
         changed = [number for number, (source, old) in enumerate(zip(sources, before, strict=True))
-                   if source.differs_from(old)]
+                   if source is not old and source.differs_from(old)]
         again = _posteriors([sources[number] for number in changed], dt, bank)
         for number, posterior in zip(changed, again, strict=True):
             fitted[number] = posterior
@@ -236,6 +236,7 @@ def _without_cycles(sources: Sequence[_Source], finished: Estimator,
 
 
 def _without_cycle(source: _Source, cycle: SlowCycle, finished: Estimator) -> _Source:
+    """Remove a strong cycle from the record, its segments and its quarters."""
     return replace(source, cycle=cycle).detrended(finished, replace(cycle.record, trends=()))
 
 

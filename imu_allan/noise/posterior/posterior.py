@@ -151,12 +151,14 @@ def _judged(spectra: Spectra, row: Rows) -> tuple[float, float, int | None, Arra
         divisors *= _local_chi_square(normal)[octave]
     attenuation = _attenuation(spectra, row)
     if attenuation.any():
-        mean = np.where(octave == np.arange(len(count))[:, None], dof / count[octave], 0.0)
+        # Averages groups over half-octaves.
+        averaging = np.where(
+            octave == np.arange(len(count))[:, None], dof / count[octave], 0.0)
         _, slopes, parameters = likelihood.model_spectrum(spectra, row, row.x)
         _, _, prior_information = likelihood.log_prior(spectra, row, row.x)
         error = _shape_error(
-            normal * np.sqrt(2 / count), count / 2, mean @ attenuation,
-            mean @ (slopes[:, 0] / expected).T, prior_information[0, parameters])
+            normal * np.sqrt(2 / count), count / 2, averaging @ attenuation,
+            averaging @ (slopes[:, 0] / expected).T, prior_information[0, parameters])
         nominal_dof = np.bincount(octave, spectra.nominal_dof[row.spectrum[0]])[octave]
         divisors *= 1 + nominal_dof * (error * attenuation)**2 / 2
     edge = int(row.edge[0]) if row.edge[0] < len(dof) else None
