@@ -238,8 +238,9 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
                   f'measured {rate:.5g} Hz, expected {expected:g} Hz; check expected_rate, or the '
                   'setting of the driver', 'the rate is the expected one again'),
         Condition('remarks', bool(lasting), WARN, '; '.join(lasting)),
+        # The end of a longer gap is what shows how many samples are missing.
         Condition('faults', bool(faults), WARN, '; '.join([
-            f'{", ".join(faults)} in the last {RECENT_S:.0f} s',
+            f'found in the last {RECENT_S:.0f} s: {", ".join(faults)}',
             *(message for _, message in remarks)])),
         Condition('jumped', facts.recent['clock_jumps'] > 0, WARN,
                   f'the {summary.clock} stamps jumped: no difference is taken across a jump', ''),

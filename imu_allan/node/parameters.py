@@ -154,6 +154,11 @@ def at_home(path: str | PathLike[str], parameter: str = '') -> Path:
                             ) from error
 
 
+def _meant(value: Any) -> Any:
+    """Return the value of a parameter; ROS gives the null of YAML as a text."""
+    return '' if isinstance(value, str) and value.casefold() == 'null' else value
+
+
 def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     """Declare `settings`; return their values, which follow changes that pass the checks."""
     known = {setting.name: setting for setting in settings}
@@ -161,12 +166,12 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name in known and (
-                    reason := known[parameter.name].reason_against(parameter.value)):
+                    reason := known[parameter.name].reason_against(_meant(parameter.value))):
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
     def apply(parameters: Iterable[Parameter]) -> None:
-        values.update({one.name: one.value for one in parameters if one.name in known})
+        values.update({one.name: _meant(one.value) for one in parameters if one.name in known})
 
     values: dict[str, Any] = {}
     node.add_on_set_parameters_callback(check)
@@ -187,7 +192,7 @@ def declare(node: Node, settings: Sequence[Setting]) -> dict[str, Any]:
         if declared is None and not isinstance(value, list):
             raise ImuAllanError(expected)
         # An empty list on a command line has no type, so ROS gives None.
-        values[setting.name] = [] if declared is None else declared
+        values[setting.name] = [] if declared is None else _meant(declared)
     node.add_post_set_parameters_callback(apply)
     return values
 

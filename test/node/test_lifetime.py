@@ -121,6 +121,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
         (['state_file:=no'], 'parameter state_file: expected a text in quotes'),
         (['motion:=ignore'], "parameter motion: 'ignore' is not one of exclude, keep"),
         (["output_dir:=''"], 'parameter output_dir: must not be empty'),
+        (['output_dir:=null'], 'parameter output_dir: must not be empty'),
         (['output_dir:=~no-such-user/x', 'state_file:=~no-such-user/x'],
          'state_file ~no-such-user/x: this user has no home folder; write the path without ~'),
         (['aiding_interval:=90.0'], 'parameter aiding_interval: 90 s is longer than coast, 60 s'),

@@ -155,7 +155,7 @@ def start_at_home(ros, **parameters):
     return node
 
 
-@pytest.mark.parametrize('nothing', ['', 'none'])
+@pytest.mark.parametrize('nothing', ['', 'none', 'null'])
 def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(ros, nothing):
     # A script has what it starts with & ignore SIGINT: that ends the node all the same.
     before = {number: signal.signal(number, signal.SIG_IGN)
