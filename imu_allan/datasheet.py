@@ -122,7 +122,7 @@ def zero_bias(result: Result, name: str, expected: float) -> Measured:
     if not starts:
         # The result of a node may be of several starts: the error includes how they differ.
         spread = result.turn_on_bias.get(name)
-        starts = [(axis.mean, hypot(error_of_mean(axis, result.timeline.rest_s),
+        starts = [(axis.mean, hypot(error_of_mean(axis, result.rest_of(name)),
                                     0.0 if spread is None else spread.sigma))]
     distance, error = max(((mean - expected, error) for mean, error in starts),
                           key=lambda start: abs(start[0]))
@@ -252,12 +252,10 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0)
     if not verdicts:
         raise ImuAllanError('the specification limits no coefficient; write for instance '
                             'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
-    recorded = result.timeline.rest_s
-    if recorded < shortest_s:
-        short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
-        verdicts = [one.judged('cannot tell', short) if one.verdict == 'pass' else one
-                    for one in verdicts]
-    return verdicts
+    return [one.judged('cannot tell', f'{duration(recorded)} of data, and no less than '
+                       f'{duration(shortest_s)} may pass')
+            if one.verdict == 'pass' and (recorded := result.rest_of(one.axis)) < shortest_s
+            else one for one in verdicts]
 
 
 def overall(verdicts: Sequence[Verdict]) -> Outcome:

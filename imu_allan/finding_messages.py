@@ -273,7 +273,7 @@ def sensor_verdicts(result: Result) -> dict[str, SensorVerdict]:
         if axes:
             # As it is shown: a minute by stamps in microseconds may last 59.9999 s.
             found[sensor] = _verdict(axes, [one for one in result.warnings if concerns(
-                one, sensor)], round(result.timeline.rest_s, 1))
+                one, sensor)], round(result.rest_of(sensor), 1))
     return found
 
 
@@ -305,7 +305,7 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
 
 def reasons_of(result: Result, sensor: str, because: tuple[str, ...]) -> tuple[str, ...]:
     """Return the reasons with figures, and by name; the findings themselves are shown below."""
-    rest_s = result.timeline.rest_s
+    rest_s = result.rest_of(sensor)
     found = [one for one in for_display(result.warnings) if concerns(one, sensor)]
     if (rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',)
             and not any('samples' in one.values for one in found if one.code in because)):

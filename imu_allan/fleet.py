@@ -200,7 +200,7 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
         if key == MEAN:
             if measured.mean is not None and mean_is_known(measured):
                 sample.values[name] = measured.mean
-                sample.errors[name] = error_of_mean(measured, result.timeline.rest_s)
+                sample.errors[name] = error_of_mean(measured, result.rest_of(axis))
             continue
         found = measured.coefficients[key]
         if found.value is None or found.ci95 is None:

@@ -385,9 +385,10 @@ class AxisResult:
     Everything known about one axis.
 
     `band_limit_s` is the effective window of a low-pass, if one was found. `band_edge_hz` is the
-    highest fitted frequency, if higher ones were excluded. `tones` are the lines excluded from
-    the fit, the strongest first. They are part of the noise of a sample. `coarse_step` is the step
-    of an output that is coarser than that noise.
+    highest fitted frequency, if higher ones were excluded. `sample_rate_hz` and `rest_s` (see
+    `Timeline`) are set where each of the two sensors has its own. `tones` are the lines excluded
+    from the fit, the strongest first. They are part of the noise of a sample. `coarse_step` is the
+    step of an output that is coarser than that noise.
 
     An axis has no coefficients if it was constant during `stood_still`, is `saturated` or has a
     `deadband`. Neither has one from a filter that removes everything slower than `high_passed_hz`,
@@ -417,6 +418,7 @@ class AxisResult:
     deadband: Deadband | None = None
     coarse_step: float | None = None
     power_law: PowerLaw | None = None
+    rest_s: NotNegative | None = None
 
     @property
     def constant(self) -> bool:
@@ -584,6 +586,11 @@ class Result:
         return (f'<Result of {" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
                 f'{timeline.duration_s:.6g} s, axes={len(self.axes)}, '
                 f'findings={len(self.warnings)}>')
+
+    def rest_of(self, part: str) -> float:
+        """Return the seconds of samples in use of a sensor (``gyro``) or axis (``gyro_x``)."""
+        return next((axis.rest_s for name, axis in self.axes.items()
+                     if name.startswith(part) and axis.rest_s is not None), self.timeline.rest_s)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""

@@ -33,12 +33,14 @@ def united(parts: Sequence[tuple[Half | None, Result]]) -> Result:
     Join the results of gyroscope and accelerometer into that of the IMU.
 
     `parts`: which sensor, None for both, and its result; the gyroscope first. Returns: a result in
-    which each axis has its own rate. Rate, gaps and faults of the whole are those of the first
-    part with axes, as its remark `two_rates` says. The only result is returned as it is.
+    which each axis has its own rate and time at rest. Rate, gaps and faults of the whole are those
+    of the first part with axes, as its remark `two_rates` says. The only result is returned as it
+    is.
     """
     if len(parts) == 1:
         return parts[0][1]
-    axes = {name: replace(axis, sample_rate_hz=result.timeline.sample_rate_hz)
+    axes = {name: replace(axis, sample_rate_hz=result.timeline.sample_rate_hz,
+                          rest_s=result.timeline.rest_s)
             for half, result in parts for name, axis in result.axes.items()
             if name.startswith(f'{half}_')}
     results = [result for _, result in parts]

@@ -161,8 +161,8 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
                       f'{worst.symbol} {reported(worst, si=True)[0]} {worst.unit}'
                       for axis, worst in figures.worst.values()]
     lines += _measured_beside(found) if measured else []
-    drifts = {figures.sensor: _unaided(figures, result.timeline.rest_s) for figures in found
-              if figures.forecast}
+    drifts = {figures.sensor: _unaided(figures, result.rest_of(figures.sensor))
+              for figures in found if figures.forecast}
     head = f'Unaided drift after {wording.duration(coast_s)}:'
     beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
     # Their units say which is of which sensor, where each has one.
@@ -220,7 +220,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     lines = []
     for sensor, verdict in sensor_verdicts(result).items():
         if verdict.verdict == 'good':
-            numbers = _numbers(axes_of(result, sensor), result.timeline.rest_s, units)
+            numbers = _numbers(axes_of(result, sensor), result.rest_of(sensor), units)
             lines.append(f'{wording.SENSORS[sensor]}: {numbers}')
         else:
             said = [f'{wording.SENSORS[sensor]}: {VERDICT_TEXT[verdict.verdict]}: {reason}.'

@@ -51,7 +51,7 @@ def report_html(result: Result) -> str:
         allan=[*filter(None, allan)], charts=[*filter(None, drawn)],
         constant=wording.named([name for name, axis in result.axes.items() if axis.constant]),
         outlook=key_figures.longer_recording_note(result), cell=_cell, of_segment=_of_segment,
-        mean=key_figures.written_mean, configs=_configs(result),
+        mean=key_figures.written_mean, rest_of=result.rest_of, configs=_configs(result),
         tunings=[(name, result.axes[name], tuning) for name, tuning in tunings.items()],
         parts={sensor: known for sensor, axes in tables.items() if (known := {
             name: axis for name, axis in axes.items()

@@ -129,7 +129,7 @@ def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, ver
         unit = quantity.unit if si else MEAN_UNITS[quantity.unit]
         rows.append([Text(f'mean {unit}', 'dim'), *(
             Text.assemble(('' if axis.mean is None else key_figures.written_mean(
-                axis, axis.mean, result.timeline.rest_s, unit)[0], 'dim'))
+                axis, axis.mean, result.rest_of(figures.sensor), unit)[0], 'dim'))
             for axis in axes.values()), Text()])
     heading = [wording.SENSORS[figures.sensor], *(name[-1] for name in axes),
                'filter' if filters else '']

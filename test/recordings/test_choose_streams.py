@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
+from dataclasses import replace
 
 from bags import mcap_written, serialized
 from characterized import messages, said
 from imu_allan import analyze, TimelineOptions
+from imu_allan.datasheet import check, zero_bias
 from imu_allan.recordings import RecordingOptions
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.key_figures import verdict_lines
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -64,6 +68,22 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
     assert 'unusable' not in shown
     assert [line.split()[1] for line in shown.splitlines() if line.startswith('  rate')] == [
         '250', '400']
+
+
+def test_a_sensor_that_stops_early_is_judged_by_its_own_samples(tmp_path):
+    result = analyze(write(tmp_path / 'a.mcap', {
+        '/accel': block(100, 1500, False, True), '/gyro': block(100, 20_000, True, False)}))
+    gyro, accel = verdict_lines(result)
+    assert gyro.startswith('Gyroscope: N is good')
+    assert accel == 'Accelerometer: use with care: 15 s at rest.'
+    limits = parse_model('gyro: {x: {noise_density: 1 rad/s/sqrt(Hz)}}\n'
+                         'accel: {x: {noise_density: 1 m/s^2/sqrt(Hz), zero_bias: 1 m/s^2}}')
+    assert [(one.verdict, one.reason) for one in check(result, limits, shortest_s=60.0)[1:]] == [
+        ('cannot tell', f'accel_x {what}: 15 s of data, and no less than 60 s may pass')
+        for what in ('N', 'zero bias')]
+    lasting, early = (replace(result, axes={'accel_x': replace(
+        result.axes['accel_x'], rest_s=rest_s)}) for rest_s in (None, 15.0))
+    assert zero_bias(early, 'accel_x', 0.0).ci95 != zero_bias(lasting, 'accel_x', 0.0).ci95
 
 
 def test_what_cannot_be_known_is_asked_for(tmp_path):
