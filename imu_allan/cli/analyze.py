@@ -14,7 +14,12 @@ from imu_allan.cli import arguments
 from imu_allan.cli.workers import executor, in_order, Task
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.process import raise_if_interrupted
-from imu_allan.writers.atomic import RESULT
+from imu_allan.writers.atomic import (
+    kinds_of_files,
+    require_replaceable_in,
+    require_writable,
+    RESULT,
+)
 from imu_allan.writers.terminal import console_of, print_wrapped, progress_bar
 
 if TYPE_CHECKING:
@@ -115,8 +120,6 @@ def run(args: argparse.Namespace) -> int:
             if unsaved is not None:
                 gathering.complaints.append(unsaved)
             elif task.folder is not None and len(tasks) == 1:
-                from imu_allan.writers.result_files import kinds_of_files
-
                 print_wrapped(f'Written to {printable(str(task.folder))}: '
                               f'{", ".join(kinds_of_files(task.exports))}')
             from imu_allan.fleet import shows_anything
@@ -190,9 +193,6 @@ def _tasks(args: argparse.Namespace, choice: 'Choice', output: Path | None,
 
 def _require_room(args: argparse.Namespace, tasks: Sequence[Task]) -> None:
     """Raise ImuAllanError if an output cannot be written, before any work is done."""
-    from imu_allan.writers.atomic import require_replaceable_in, require_writable
-    from imu_allan.writers.result_files import kinds_of_files
-
     if args.json is not None and not Path(args.json).exists():
         require_writable(Path(args.json).parent)
     if args.output is not None:

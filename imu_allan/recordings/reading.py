@@ -43,10 +43,10 @@ Read = tuple[ImuBlock, int]
 
 WORTHWHILE_BYTES = 1 << 26
 """Size in bytes from which a recording is read by a separate process."""
-_SLOT_MESSAGES = 1 << 13
-"""Messages per slot."""
+_SLOT_MESSAGES = 1 << 14
+"""Messages that fit into a slot: each slot costs the estimator some 100 calls of Python."""
 _SLOTS = 4
-"""Slots in shared memory (2.2 MB): the reader may be so many blocks ahead."""
+"""Slots in shared memory (4.3 MB): the reader may be so many blocks ahead."""
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, _SLOT_MESSAGES), ('receive_ns', np.int64, _SLOT_MESSAGES),
@@ -168,9 +168,9 @@ def read_ahead(items: Generator[Read, None, None]) -> Iterator[Read]:
         raise failure[0]
 
 
-def larger_blocks(blocks: Iterator[Read]) -> Generator[Read, None, None]:
+def larger_blocks(blocks: Iterator[Read], least: int = 1 << 11) -> Generator[Read, None, None]:
     """
-    Join consecutive blocks of one frame_id until they hold at least 2048 messages.
+    Join consecutive blocks of one frame_id until they hold at least `least` messages.
 
     A chunk of a single-topic bag is that large, and is passed on without a copy. The bytes
     consumed are those of the last block joined. An exception is raised after the blocks before it.
@@ -185,7 +185,7 @@ def larger_blocks(blocks: Iterator[Read]) -> Generator[Read, None, None]:
             held.append(block)
             count += len(block)
             position = at
-            if count >= 2048:
+            if count >= least:
                 yield _joined(held), position
                 held, count = [], 0
     except Exception:
@@ -304,7 +304,8 @@ def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
           report: Callable[[object], None]) -> None:
     """Copy blocks into slots as these become free, and report each."""
     free = list(range(_SLOTS))
-    for block, position in larger_blocks(decoded):
+    # Half a slot and a chunk fit into a slot.
+    for block, position in larger_blocks(decoded, _SLOT_MESSAGES // 2):
         for start in range(0, len(block), _SLOT_MESSAGES):
             part = block.part(slice(start, start + _SLOT_MESSAGES))
             free += b'' if free else _returned_slots()

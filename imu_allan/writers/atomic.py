@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 import os
 from pathlib import Path
@@ -14,6 +14,7 @@ import shutil
 from tempfile import TemporaryFile
 
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.writers.supported_filters import CONSUMERS
 
 CONFIGURATION = 'configuration of a filter'
 """Kind of the files that `imu_allan.writers.filters` writes."""
@@ -46,6 +47,13 @@ def kind_of(beginning: bytes) -> str:
     if document := re.match(rb'\s*\{\s*"schema": "(imu_allan\.\w+)/', beginning):
         return f'document {document[1].decode()}'
     return next((kind for kind, mark in _KINDS if re.match(mark, beginning)), '')
+
+
+def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
+    """Return the kinds of the files of `imu_allan.writers.result_files.save_folder` by name."""
+    return {'result.json': RESULT, 'curve.csv': CURVES,
+            **{CONSUMERS[consumer].file: CONFIGURATION for consumer in exports},
+            'report.html': PAGE, 'allan_deviation.png': PICTURES['png']}
 
 
 def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:

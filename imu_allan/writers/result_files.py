@@ -136,13 +136,6 @@ class IncompleteSave(ImuAllanError):
     """Everything is written except a filter configuration that the result does not permit."""
 
 
-def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
-    """Return the kinds (see `imu_allan.writers.atomic`) of the files of `save_folder` by name."""
-    return {'result.json': atomic.RESULT, 'curve.csv': atomic.CURVES,
-            **{CONSUMERS[consumer].file: atomic.CONFIGURATION for consumer in exports},
-            'report.html': atomic.PAGE, 'allan_deviation.png': atomic.PICTURES['png']}
-
-
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
                 report: bool = True, picture: bool = True) -> list[Path]:
     """

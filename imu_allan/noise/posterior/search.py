@@ -52,7 +52,9 @@ class Model(NamedTuple):
 def rows_of(spectra: Spectra, spectrum: int, models: Iterable[Model]) -> Rows:
     """Return models of one spectrum as rows that are not fitted yet."""
     slots, x, low_pass, edge = zip(*models, strict=True)
-    present = np.array([np.isin(np.arange(SLOTS), list(own)) for own in slots])
+    present = np.zeros((len(slots), SLOTS), np.bool_)
+    for row, own in zip(present, slots, strict=True):
+        row[list(own)] = True
     unset = np.zeros(len(slots))
     rows = Rows(np.full(len(slots), spectrum), np.array(x), present, np.array(low_pass),
                 np.array([len(spectra.frequency) if one is None else one for one in edge]),
