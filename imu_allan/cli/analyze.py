@@ -56,7 +56,8 @@ def register(verbs: Any) -> None:
                         help='what names a unit: its file, or the folder in which it lies '
                              '(default: %(default)s)')
     arguments.add_inspection(parser)
-    parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
+    parser.add_argument('--json', metavar='FILE',
+                        help='write the result file of one recording; - prints it')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
                         type=arguments.consumer,
                         help='configuration of a filter, too (imu_allan export --list names '

@@ -46,7 +46,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('--live', action='store_true',
                         help='stop as soon as the verdict is certain: wrong in at most one unit '
                              'of twenty. Within 10 %% of a limit nothing is decided')
-    parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
+    parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON; - prints it')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
     parser.add_argument('--certificate', metavar='FILE',
                         help='write the verdicts as an A4 sheet (HTML)')

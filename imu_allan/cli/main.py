@@ -10,6 +10,7 @@ needs, so ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag read
 
 import argparse
 from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stdout
 from difflib import get_close_matches
 import errno
 import os
@@ -131,6 +132,8 @@ def _require_apart(args: argparse.Namespace) -> None:
         if not path:
             raise ImuAllanError(f"{name} '': names no file; is a variable of the shell empty?")
     for name, path, kind in written:
+        if path == '-' and not kind:
+            raise ImuAllanError(f'{name} -: standard output is no folder; name one')
         is_file = Path(path).is_file()
         if is_file and any(Path(other).exists() and Path(path).samefile(other)
                            for _, other in given):
@@ -138,6 +141,14 @@ def _require_apart(args: argparse.Namespace) -> None:
                                 'would be overwritten; name another file')
         if is_file and kind:
             require_replaceable(path, kind)
+
+
+def _leave_stdout(args: argparse.Namespace) -> bool:
+    """Name standard output where an output is -; return whether nothing else may go there."""
+    names = [name for name in getattr(args, 'outputs', ()) if getattr(args, name) == '-']
+    for name in names:
+        setattr(args, name, '/dev/stdout')
+    return bool(names)
 
 
 def _paths(args: argparse.Namespace, name: str) -> list[str]:
@@ -153,7 +164,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         args = _parsed(argv)
         _require_apart(args)
-        status = args.run(args)
+        with redirect_stdout(sys.stderr) if _leave_stdout(args) else nullcontext():
+            status = args.run(args)
         sys.stdout.flush()
         return int(status)
     except ImuAllanError as error:

@@ -42,7 +42,7 @@ def register(verbs: Any) -> None:
                              'day or with the motors on')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     add_recording_options(parser)
-    parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
+    parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON; - prints it')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('result', 'verify'), outputs={'json': TUNING})
 

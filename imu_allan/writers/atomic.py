@@ -121,6 +121,9 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
                 stream.write(data)
         else:
             _replace(path, resolved(path), data, private)
+    except BrokenPipeError:
+        # The reader has seen enough, as may happen wherever something is printed.
+        raise
     except OSError as error:
         raise ImuAllanError(
             f'{path}: cannot be written ({error.strerror or error}); '

@@ -163,10 +163,11 @@ def test_a_unit_stands_behind_the_field_or_alone(words, said):
     assert recording_options(args) == RecordingOptions(**said)
 
 
-@pytest.mark.parametrize('verb', ['info', 'analyze'])
-def test_a_reader_that_goes_away_ends_the_command_quietly(recording, verb):
-    with subprocess.Popen([*COMMAND, verb, str(recording)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE) as process:
+@pytest.mark.parametrize('words', [
+    'info .', 'analyze .', 'export --spec consumer_mems --for plain --output -'])
+def test_a_reader_that_goes_away_ends_the_command_quietly(recording, words):
+    with subprocess.Popen([*COMMAND, *words.split()], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, cwd=recording) as process:
         process.stdout.close()
         assert process.stderr.read() == b''
     assert process.returncode == 141

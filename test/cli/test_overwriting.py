@@ -54,6 +54,7 @@ def folder(tmp_path, recording, result_file, monkeypatch):
      f'spec.yaml: {OTHER.format("configuration of a filter")}'),
     (['simulate', 'consumer_mems', '--output', ''], f"--output '': {EMPTY}"),
     (['info', ''], f"recording '': {EMPTY}"),
+    (['analyze', 'a.csv', '--output', '-'], '--output -: standard output is no folder; name one'),
     *((['analyze', *given, '--output', output],
        f'--output: would write into {into}, which is a recording of this command; name another '
        'folder') for given, output, into in (

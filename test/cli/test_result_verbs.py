@@ -18,6 +18,7 @@ from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.result_files import load_result, save_result
 from imu_allan.writers.terminal import ProgressBar
 from on_terminal import assert_as_before
+from processes import python
 import pytest
 from whole_lines import Varying
 import yaml
@@ -49,6 +50,21 @@ def test_export_writes_to_stdout_a_folder_or_a_file(result_file, tmp_path, outpu
                'not have; give it with --rate HZ', 'export', tmp_path / 'rateless.json', '--for',
                'vins_fusion', '--output', tmp_path)
     assert (tmp_path / 'vins_fusion_imu.yaml').read_text() == old
+
+
+@pytest.mark.parametrize(('words', 'begins', 'table'), [
+    ('analyze {recording} --json -', '{\n  "schema": "imu_allan.result/1"', 'angle random walk'),
+    ('check {result} --spec consumer_mems --junit -', '<?xml ', 'ratio'),
+    ('tune {result} --json -', '{\n  "schema": "imu_allan.tuning/1"', 'Numbers for')])
+def test_an_output_called_minus_is_all_that_standard_output_gets(
+        recording, result_file, tmp_path, words, begins, table):
+    done = python('-m', 'imu_allan', *words.format(
+        recording=recording, result=result_file).split(), cwd=tmp_path)
+    assert done.stdout.startswith(begins)
+    assert done.stdout.endswith(('}\n', '>\n'))
+    assert table in done.stderr
+    assert table not in done.stdout
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, output_of, fails_with):
