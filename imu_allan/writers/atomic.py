@@ -143,10 +143,13 @@ def resolved(path: str | os.PathLike[str]) -> Path:
 
 
 def require_writable(folder: str | os.PathLike[str]) -> None:
-    """Make a folder; raise ImuAllanError if no file can be written in it, before any work."""
+    """Raise ImuAllanError if a folder cannot be written in or made, before any work is done."""
+    place = Path(folder).absolute()
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
+        # Nothing is made yet, since the work may give nothing to write.
+        while not os.path.lexists(place):
+            place = place.parent
+        with TemporaryFile(dir=place):
             pass
     except (OSError, ValueError) as error:
         raise ImuAllanError(f'{printable(folder)}: cannot be written '

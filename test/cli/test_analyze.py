@@ -187,10 +187,17 @@ def test_an_unwritable_output_is_reported_first(recording, tmp_path, monkeypatch
     file.write_text('')
     monkeypatch.setattr(workers, 'characterize', pytest.fail)
     for option, path, named, reason in (
-            ('--output', file, file, 'File exists'), ('--output', deep, deep, 'Not a directory'),
-            ('--json', deep, file, 'File exists')):
+            *(('--output', path, path, 'Not a directory') for path in (file, deep)),
+            ('--json', deep, file, 'Not a directory')):
         fails_with(f'{named}: cannot be written ({reason}); choose a folder that may be written '
                    'to', 'analyze', recording, option, path)
+
+
+def test_what_fails_leaves_no_empty_folder(tmp_path, fails_with):
+    (tmp_path / 'a.csv').write_text('time_s,gyro_x\n')
+    fails_with(f'{tmp_path}/a.csv: no line of samples below the names of the columns',
+               'analyze', tmp_path / 'a.csv', '--output', tmp_path / 'with' / 'parents')
+    assert [path.name for path in tmp_path.iterdir()] == ['a.csv']
 
 
 def test_a_result_that_cannot_be_saved_is_shown_all_the_same(recording, tmp_path, fails_with):
