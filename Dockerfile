@@ -3,7 +3,8 @@
 #
 # The node and the command on ROS 2 Jazzy, as a user without rights:
 #   docker build -t imu_allan .
-#   docker run --rm --net=host --ipc=host imu_allan
+#   docker run --rm --net=host -v "$PWD:/data" --user "$(id -u):$(id -g)" imu_allan \
+#     imu_allan_node --ros-args -p output_dir:=/data -r imu/data_raw:=/my_imu/data_raw
 #   docker run --rm -v "$PWD:/data" --user "$(id -u):$(id -g)" imu_allan imu_allan analyze imu_at_rest
 FROM ros:jazzy-ros-base
 
@@ -28,6 +29,7 @@ RUN printf '%s\n' '#!/bin/bash' 'set -e' 'source /workspace/install/setup.bash' 
     && install -d -o imu -g imu /data
 USER imu
 WORKDIR /data
-ENV ROS_HOME=/tmp/ros MPLCONFIGDIR=/tmp/matplotlib
+# Through /dev/shm nothing comes from a driver of another user, or outside of the container.
+ENV ROS_HOME=/tmp/ros MPLCONFIGDIR=/tmp/matplotlib FASTDDS_BUILTIN_TRANSPORTS=UDPv4
 ENTRYPOINT ["with_workspace"]
-CMD ["imu_allan_node"]
+CMD ["imu_allan_node", "--ros-args", "-p", "output_dir:=/data"]

@@ -321,7 +321,9 @@ class Reception:
     def _cause_of_silence(self) -> str:
         facts, kind = self.facts, self.subscription.type_name
         if facts.publishers:
-            return f', though it has {counted(facts.publishers, "publisher")}'
+            # Fast DDS matches publishers of another user, but /dev/shm delivers nothing of theirs.
+            return (f', though it has {counted(facts.publishers, "publisher")}; if that runs as '
+                    'another user or in a container: FASTDDS_BUILTIN_TRANSPORTS=UDPv4')
         if facts.refused:
             return f'; {"; ".join(facts.refused)}'
         name_of_kind = kind.rpartition('/')[2]

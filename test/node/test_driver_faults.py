@@ -117,6 +117,31 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(ros, size, f
     assert node.stop() == 0
 
 
+def test_a_driver_of_another_user_is_reached_over_the_network_as_the_log_says(ros):
+    other = ['setpriv', '--reuid=10001', '--clear-groups',
+             # It may read its programs, wherever they lie.
+             '--inh-caps=+dac_read_search', '--ambient-caps=+dac_read_search']
+    if os.geteuid() != 0 or subprocess.run([*other, 'true'], capture_output=True,
+                                           check=False).returncode:
+        pytest.skip('only root can become another user')
+    logs = ros.folder / 'logs'
+    logs.mkdir(mode=0o777)
+    logs.chmod(0o777)
+    # With LOCALHOST, ROS chooses the transports itself.
+    env = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
+    ros.start('imu_simulator', env=env | {'ROS_LOG_DIR': str(logs)}, shared_memory=True,
+              wrapper=other)
+    node = ros.start('imu_allan_node', env=env, shared_memory=True)
+    topic = ros.name('imu/data_raw')
+    ros.until(lambda: Varying(
+        f'no message on {topic} for <number> s, though it has 1 publisher; if that runs as '
+        'another user or in a container: FASTDDS_BUILTIN_TRANSPORTS=UDPv4') in node.lines)
+    assert node.stop() == 0
+    node = ros.start('imu_allan_node', env=env)
+    ros.until(lambda: Varying(f'first samples on {topic}: <words>') in node.lines)
+    assert node.stop() == 0
+
+
 def message(index, value=None, *, stamp=None, frame_id='imu', absent=(False, False)):
     sample = np.random.default_rng(index).normal(0, 0.01, 6) if value is None else [value] * 6
     return encode_imu(START_NS + index * 5_000_000 if stamp is None else stamp,
