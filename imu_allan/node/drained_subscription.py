@@ -40,6 +40,9 @@ class Batch:
 
 
 def _node_of(offer: TopicEndpointInfo) -> str:
+    # What the middleware gives for the name of a node that it does not know, or that is none.
+    if offer.node_name in ('_NODE_NAME_UNKNOWN_', '_CREATED_BY_BARE_DDS_APP_'):
+        return 'an unknown program'
     return f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
 
 

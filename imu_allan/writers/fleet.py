@@ -181,7 +181,7 @@ def cells(trait: Trait) -> tuple[str, ...]:
     def shown(value: float) -> str:
         return rounded(engineering(value, trait.unit)[0])
 
-    symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
+    symbol = quantity_name(trait.axis, MEAN) if trait.key == MEAN else TERMS[trait.key].symbol
     return (wording.spoken(trait.axis), symbol, engineering(1.0, trait.unit)[1],
             shown(trait.median),
             ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),

@@ -9,10 +9,13 @@ import signal
 import time
 
 from characterized import AXES
+from imu_allan.node.drained_subscription import DrainedSubscription
 import numpy as np
 import pytest
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from repeated import slow
 from ros_harness import assert_density, at_rest, Driver, NOISE, RATE_HZ, Sensor
+from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from whole_lines import Varying
@@ -118,6 +121,17 @@ def test_replugs_are_power_ons_and_neither_a_step_nor_a_random_walk(ros):
     assert low < np.std(np.array(biases)[:, 0], ddof=1) < high
     assert_density(document, 100.0)
     assert 'a new run begins' not in node.log
+
+
+def test_a_publisher_that_is_no_node_is_called_a_program(ros, monkeypatch):
+    subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 10)
+    offers = [TopicEndpointInfo(node_name=name, node_namespace=namespace, topic_type='a/msg/B')
+              for name, namespace in (('_NODE_NAME_UNKNOWN_', '_NODE_NAMESPACE_UNKNOWN_'),
+                                      ('_CREATED_BY_BARE_DDS_APP_',) * 2, ('driver', '/'))]
+    monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: offers)
+    assert subscription.publisher_names() == ['/driver', *['an unknown program'] * 2]
+    assert subscription.refused_publishers()[0] == (
+        'an unknown program publishes a/msg/B, not sensor_msgs/msg/Imu')
 
 
 def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros, health):

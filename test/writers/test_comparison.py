@@ -108,9 +108,10 @@ def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet
                'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
     copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
     fleet = replace(fleet, results=results, folders=False, failures=(*fleet.failures, copy))
-    page = fleet_html(fleet)
-    for text in (shown(population_table(fleet, 140), 140), page, fleet_csv(fleet),
-                 fleet_json(fleet)):
+    table, page = shown(population_table(fleet, 140), 140), fleet_html(fleet)
+    assert 'zero bias' in table
+    assert 'zero bias' in page
+    for text in table, page, fleet_csv(fleet), fleet_json(fleet):
         for word in 'unit5', 'angle random walk', 'cannot be read':
             assert word in text
     assert '<b>evil' not in page
