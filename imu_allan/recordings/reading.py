@@ -168,9 +168,9 @@ def read_ahead(items: Generator[Read, None, None]) -> Iterator[Read]:
         raise failure[0]
 
 
-def larger_blocks(blocks: Iterator[Read], least: int = 1 << 11) -> Generator[Read, None, None]:
+def larger_blocks(blocks: Iterator[Read]) -> Generator[Read, None, None]:
     """
-    Join consecutive blocks of one frame_id until they hold at least `least` messages.
+    Join consecutive blocks of one frame_id until they hold at least 2048 messages.
 
     A chunk of a single-topic bag is that large, and is passed on without a copy. The bytes
     consumed are those of the last block joined. An exception is raised after the blocks before it.
@@ -185,7 +185,7 @@ def larger_blocks(blocks: Iterator[Read], least: int = 1 << 11) -> Generator[Rea
             held.append(block)
             count += len(block)
             position = at
-            if count >= least:
+            if count >= 2048:
                 yield _joined(held), position
                 held, count = [], 0
     except Exception:
@@ -232,7 +232,7 @@ def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDA
                 slot, messages, frame_id, position = item
                 block = ImuBlock(frame_id=frame_id, **{
                     name: values.copy('K')
-                    for name, values in _arrays(slots[slot], messages).items()})
+                    for name, values in _arrays(slots[slot], 0, messages).items()})
                 with suppress(BrokenPipeError):
                     process.stdin.write(bytes([slot]))
                 yield block, position
@@ -302,17 +302,31 @@ def serve() -> None:
 
 def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
           report: Callable[[object], None]) -> None:
-    """Copy blocks into slots as these become free, and report each."""
-    free = list(range(_SLOTS))
-    # Half a slot and a chunk fit into a slot.
-    for block, position in larger_blocks(decoded, _SLOT_MESSAGES // 2):
-        for start in range(0, len(block), _SLOT_MESSAGES):
-            part = block.part(slice(start, start + _SLOT_MESSAGES))
-            free += b'' if free else _returned_slots()
-            slot = free.pop(0)
-            for name, values in _arrays(slots[slot], len(part)).items():
-                values[:] = getattr(part, name)
-            report((slot, len(part), block.frame_id, position))
+    """Copy messages into a slot until it is full or the frame_id changes, and report it."""
+    free, filled, frame_id, position = list(range(_SLOTS)), 0, '', 0
+
+    def pass_on() -> None:
+        nonlocal filled
+        if filled:
+            report((free.pop(0), filled, frame_id, position))
+            filled = 0
+
+    try:
+        for block, at in decoded:
+            if block.frame_id != frame_id:
+                pass_on()
+            start = 0
+            while start < len(block):
+                free += b'' if free else _returned_slots()
+                part = block.part(slice(start, start + _SLOT_MESSAGES - filled))
+                for name, values in _arrays(slots[free[0]], filled, len(part)).items():
+                    values[:] = getattr(part, name)
+                start, filled = start + len(part), filled + len(part)
+                frame_id, position = block.frame_id, at
+                if filled == _SLOT_MESSAGES:
+                    pass_on()
+    finally:
+        pass_on()
 
 
 def _returned_slots() -> bytes:
@@ -341,6 +355,6 @@ def _slots(memory: int) -> NDArray[np.void]:
     return np.frombuffer(mmap(memory, _SLOTS * _SLOT.itemsize), _SLOT)
 
 
-def _arrays(slot: np.void, messages: int) -> dict[str, NDArray[Any]]:
-    """View the first messages of a slot; the samples are stored axis by axis."""
-    return {name: slot[name].T[:messages] for name in _SLOT.names or ()}
+def _arrays(slot: np.void, first: int, messages: int) -> dict[str, NDArray[Any]]:
+    """View messages of a slot; the samples are stored axis by axis."""
+    return {name: slot[name].T[first:first + messages] for name in _SLOT.names or ()}
