@@ -88,7 +88,9 @@ def test_foxglove_layout_and_cpp_example_take_what_is_published_in_a_namespace_t
 
 
 def test_the_security_policy_allows_what_the_node_uses_and_no_more(running):
-    tree = ElementTree.parse(ROOT / 'config' / 'imu_allan.policy.xml')
+    [file] = re.findall(r'^ros2 security create_permission keystore /imu_allan (.*)$', PAGE,
+                        re.MULTILINE)
+    tree = ElementTree.parse(ROOT / file)
     [profile] = tree.iter('profile')
     assert profile.attrib == {'ns': '/', 'node': 'imu_allan'}
     for right, names in offered(running, 'imu_allan').items():

@@ -156,6 +156,20 @@ def test_print_is_two_light_pages_whatever_the_scheme(result, tmp_path, browser)
 
 
 @needs_browser
+def test_space_below_the_last_line_of_a_printed_page_takes_no_page(page, tmp_path, browser):
+    # In pixels, within the margins of A4.
+    width, height = (round(size / 25.4 * 96) for size in (188, 275))
+    browser.show(written(tmp_path, page), width=width)
+    browser.cdp('Emulation.setEmulatedMedia', media='print')
+    end = browser.run('return document.querySelector(".terms").getBoundingClientRect().bottom')
+    browser.cdp('Emulation.setEmulatedMedia', media='')
+    filled = page.replace(
+        '</head>', f'<style>@media print {{ header {{ padding-bottom: {height - end - 100}px; }} '
+        '.terms::after { content: "end"; display: block; margin-bottom: 200px; } }</style></head>')
+    assert len(pages_in_print(written(tmp_path, filled), browser)) == 2
+
+
+@needs_browser
 @pytest.mark.parametrize('dead', [[], range(6), [2]], ids=['30 s', 'constant', 'one dead'])
 def test_pages_of_odd_sensors_can_be_read(dead, tmp_path, browser):
     samples = np.random.default_rng(1).normal(size=(3000, 6)) * 1e-3
