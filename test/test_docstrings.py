@@ -8,7 +8,7 @@ import re
 
 import imu_allan
 from imu_allan.noise.posterior.shapes import FREE_SHAPES, HIGH_PASSES, LOW_PASSES, TERM_SHAPES
-from imu_allan.noise.posterior.trend_search import TRENDS
+from imu_allan.noise.trends.kinds import TRENDS
 import pytest
 from sources import MODULES, PACKAGE
 

@@ -14,13 +14,14 @@ from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.posterior.trend_search import Bank, kinds_of_trends, lags_of, waveforms
 from imu_allan.noise.record.bins import bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
 from imu_allan.noise.record.part_of_record import Part
 from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
 from imu_allan.noise.tones import find_lines, vibrations
+from imu_allan.noise.trends.gains import Bank
+from imu_allan.noise.trends.kinds import kinds_of_trends, lags_of, waveforms
 from imu_allan.noise.trends.leakage import detrended, Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.slow_cycle import known_cycle, SlowCycle, strong_cycle, without_lines

@@ -15,6 +15,7 @@ from characterized import (
     taken_in,
 )
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.trends import kinds
 import numpy as np
 import pytest
 
@@ -54,6 +55,22 @@ def test_a_die_and_its_housing_are_two_exponentials():
     assert not axis.coefficients[K].observable
     assert said['warm_up']['exponentials'] == 2
     assert said['warm_up']['steady_after_s'] > 120
+
+
+def test_another_trend_is_one_entry_of_the_table(monkeypatch):
+    def pulse(time):
+        return 6e-4 * np.exp(-0.5 * ((time - 1500) / 100)**2)
+
+    without, _ = warmed(pulse, 5)
+    monkeypatch.setattr(kinds, 'TRENDS', (*kinds.TRENDS, kinds.TrendKind(
+        'pulse', 0.05, lambda duration: duration * np.arange(1, 36) / 36,
+        lambda at, _: (lambda time: np.exp(-0.5 * ((time - at) / 100)**2),))))
+    beside, _ = warmed(pulse, 5)
+    plain, _ = warmed(np.zeros_like, 5)
+    assert not beside.coefficients[K].observable
+    for axis, near in (without, False), (beside, True):
+        assert (axis.coefficients[B].value == pytest.approx(
+            plain.coefficients[B].value, rel=0.05)) is near
 
 
 @pytest.mark.slow

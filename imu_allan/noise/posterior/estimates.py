@@ -26,8 +26,8 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, TERM_SHAPES, WHITE
-from imu_allan.noise.posterior.trend_search import Found, waveforms
 from imu_allan.noise.terms import TERMS
+from imu_allan.noise.trends.kinds import Found, waveforms
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.result import Interval

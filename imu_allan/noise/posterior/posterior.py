@@ -24,8 +24,10 @@ from imu_allan.noise.posterior.prepared_spectra import prepared
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.search import best_of, KEPT, search_models
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
-from imu_allan.noise.posterior.trend_search import Bank, fit_trends, Fitted, Found
+from imu_allan.noise.posterior.trend_search import fit_trends, Fitted
 from imu_allan.noise.record.groups import Groups
+from imu_allan.noise.trends.gains import Bank
+from imu_allan.noise.trends.kinds import Found
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 

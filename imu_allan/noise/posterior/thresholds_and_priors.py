@@ -4,7 +4,7 @@
 Thresholds and priors chosen by judgment, which affect the results besides the data.
 
 The prior of each shape is in `imu_allan.noise.posterior.shapes`, that of each trend of the mean in
-`imu_allan.noise.posterior.trend_search`.
+`imu_allan.noise.trends.kinds`.
 """
 
 import numpy as np

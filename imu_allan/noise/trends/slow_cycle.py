@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior.prepared_spectra import of_slower_half, smoothed
-from imu_allan.noise.posterior.trend_search import AxisBank, Bank
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, RANDOM_WALK
 from imu_allan.noise.trends import harmonics
+from imu_allan.noise.trends.gains import AxisBank, Bank
 from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 
