@@ -239,7 +239,7 @@ def _occam(sizes: Array, trends: Sequence[Found]) -> Array:
     column = sizes.shape[1] - sum(trend.width for trend in trends)
     for trend in trends:
         square = np.maximum(sizes[:, column:column + trend.width]**2, 1e-300)
-        if trend.kind.key == 'slow_cycle':
+        if trend.width == 2:
             total += np.log(trend.kind.prior / square.sum(axis=1))
         else:
             factor = 0.5 * np.log(2 * np.pi / square)
