@@ -139,12 +139,15 @@ def test_what_one_unit_of_four_shifts_is_not_called_a_median():
 @pytest.mark.parametrize('dark', [False, True])
 def test_a_page_of_forty_units_can_be_read(tmp_path, browser, dark):
     rng = np.random.default_rng(2)
-    results = {f'SN{n}': build_result(2.2 if n == 1017 else float(np.exp(.05 * rng.normal())))
-               for n in range(1000, 1040)}
+    results = {f'front_left_SN{n}': build_result(
+        2.2 if n == 1017 else float(np.exp(.05 * rng.normal()))) for n in range(1000, 1040)}
     page = tmp_path / 'fleet.html'
     page.write_text(fleet_html(Fleet(results), 'forty units'), encoding='utf-8')
     for width in (400, 1400):
         assert faults_of(page, browser, width, dark) == []
         assert 'SN1017' in browser.run('return document.body.innerText')
+        # No column has to be scrolled to.
+        assert not browser.run('return [...document.querySelectorAll(".wide")].some('
+                               'item => item.scrollWidth > item.clientWidth)')
     # The population, a picture that is cut nowhere, the table of units.
     assert len(pages_in_print(page, browser)) == 3
