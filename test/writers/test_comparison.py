@@ -149,5 +149,8 @@ def test_a_page_of_forty_units_can_be_read(tmp_path, browser, dark):
         # No column has to be scrolled to.
         assert not browser.run('return [...document.querySelectorAll(".wide")].some('
                                'item => item.scrollWidth > item.clientWidth)')
+    browser.show(page, width=400, phone=True)
+    assert not browser.run('return [...document.querySelectorAll("td:empty")].some('
+                           'item => item.offsetParent)')
     # The population, a picture that is cut nowhere, the table of units.
     assert len(pages_in_print(page, browser)) == 3
