@@ -82,9 +82,9 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
     Parameters
     ----------
     path : str or Path, or a sequence of them
-        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag`` or a CSV file.
-        Several recordings give a joint result: one set of coefficients for all, and the spread of
-        their means.
+        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag``, a log of PX4 or
+        ArduPilot, or CSV. Several recordings give a joint result: one set of coefficients for all,
+        and the spread of their means.
     topic : str, optional
         May be omitted if the recording has one IMU, on one topic or in two halves.
     options : TimelineOptions, optional
