@@ -323,7 +323,8 @@ class Reception:
         if facts.publishers:
             # Fast DDS matches publishers of another user, but /dev/shm delivers nothing of theirs.
             return (f', though it has {counted(facts.publishers, "publisher")}; if that runs as '
-                    'another user or in a container: FASTDDS_BUILTIN_TRANSPORTS=UDPv4')
+                    'another user or in a container, use the same user, or '
+                    'FASTDDS_BUILTIN_TRANSPORTS=UDPv4')
         if facts.refused:
             return f'; {"; ".join(facts.refused)}'
         name_of_kind = kind.rpartition('/')[2]

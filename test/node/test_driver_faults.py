@@ -135,7 +135,8 @@ def test_a_driver_of_another_user_is_reached_over_the_network_as_the_log_says(ro
     topic = ros.name('imu/data_raw')
     ros.until(lambda: Varying(
         f'no message on {topic} for <number> s, though it has 1 publisher; if that runs as '
-        'another user or in a container: FASTDDS_BUILTIN_TRANSPORTS=UDPv4') in node.lines)
+        'another user or in a container, use the same user, or '
+        'FASTDDS_BUILTIN_TRANSPORTS=UDPv4') in node.lines)
     assert node.stop() == 0
     node = ros.start('imu_allan_node', env=env)
     ros.until(lambda: Varying(f'first samples on {topic}: <words>') in node.lines)
