@@ -162,6 +162,12 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path):
     assert (tmp_path / 'ws' / node).is_file()
 
 
+@pytest.mark.parametrize('page', [*PAGES, 'docs/ros_interface.md'])
+def test_commands_are_seen_whole_on_a_screen(page):
+    lines = [line for block in blocks(page, 'bash') for line in block.splitlines()]
+    assert [line for line in lines if len(line) > 99] == []
+
+
 @pytest.mark.parametrize('page', [*PAGES, 'CONTRIBUTING.md'])
 def test_every_other_command_is_a_target_of_make_or_one_whose_test_is_known(page):
     targets = re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
