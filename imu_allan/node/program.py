@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 import signal
 import sys
+from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.process import start_quickly
@@ -42,9 +43,7 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
     try:
         _do_without_shared_memory(program)
         with _stopped_by(stop), _ros(given):
-            # Imported only now: ROS may be missing.
-            module, _, name = node_class.rpartition('.')
-            node = getattr(import_module(module), name)()
+            node = _created(node_class)
             try:
                 return int(node.serve(stop))
             finally:
@@ -135,6 +134,17 @@ def _ros(args: list[str]) -> Iterator[None]:
         raise ImuAllanError(_one_line(error)) from error
     finally:
         try_shutdown()
+
+
+def _created(node_class: str) -> Any:
+    # Imported only now: ROS may be missing.
+    from imu_allan.node.rclpy_inside import RCLError
+    module, _, name = node_class.rpartition('.')
+    try:
+        return getattr(import_module(module), name)()
+    except RCLError as error:
+        # For instance the keys of a secured robot do not allow it.
+        raise ImuAllanError(_one_line(error)) from error
 
 
 def _one_line(error: object) -> str:

@@ -173,6 +173,17 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros):
         assert 'Traceback' not in text
 
 
+def test_a_node_that_the_middleware_refuses_is_one_line(ros):
+    # Without keys of its own no node is let into a secured robot.
+    (ros.folder / 'enclaves').mkdir()
+    node = ros.started('imu_allan_node', ['--ros-args', '--enclave', '/'], {
+        'ROS_SECURITY_KEYSTORE': str(ros.folder), 'ROS_SECURITY_ENABLE': 'true',
+        'ROS_SECURITY_STRATEGY': 'Enforce'})
+    assert node.wait() == 1
+    assert node.log.splitlines()[-1] == Varying('imu_allan_node: error creating node: <words>')
+    assert 'Traceback' not in node.log
+
+
 def test_shipped_parameters_simulated_time_and_too_few_samples_are_no_fault(ros, health):
     file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
     # The topic is in a namespace.
