@@ -29,7 +29,8 @@ RUN printf '%s\n' '#!/bin/bash' 'set -e' 'source /workspace/install/setup.bash' 
     && install -d -o imu -g imu /data
 USER imu
 WORKDIR /data
-# Through /dev/shm nothing comes from a driver of another user, or outside of the container.
-ENV ROS_HOME=/tmp/ros MPLCONFIGDIR=/tmp/matplotlib FASTDDS_BUILTIN_TRANSPORTS=UDPv4
+# The state of a run outlives the container. Through /dev/shm nothing comes from a driver of another
+# user, or outside of the container.
+ENV ROS_HOME=/data/.ros MPLCONFIGDIR=/tmp/matplotlib FASTDDS_BUILTIN_TRANSPORTS=UDPv4
 ENTRYPOINT ["with_workspace"]
 CMD ["imu_allan_node", "--ros-args", "-p", "output_dir:=/data"]
