@@ -124,16 +124,15 @@ def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
 
 
-def write_in_a_row(panel: Axes, parts: Sequence[tuple[str, str]]) -> None:
-    """Write coloured texts in a row above `panel`."""
-    from matplotlib.artist import Artist
-    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
+def write_above(panel: Axes, rows: Sequence[Sequence[tuple[str, str]]]) -> None:
+    """Write rows of coloured texts above `panel`."""
+    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea, VPacker
 
-    areas: list[Artist] = [TextArea(text, textprops={'color': colour, 'fontsize': 8,
-                                                     'parse_math': False})
-                           for text, colour in parts]
+    packed = [HPacker(children=[
+        TextArea(text, textprops={'color': colour, 'fontsize': 8, 'parse_math': False})
+        for text, colour in row], pad=0, sep=14) for row in rows if row]
     panel.add_artist(AnchoredOffsetbox(
-        'lower left', child=HPacker(children=areas, pad=0, sep=14), frameon=False, pad=0,
+        'lower left', child=VPacker(children=packed, pad=0, sep=2), frameon=False, pad=0,
         borderpad=0.2, bbox_to_anchor=(0, 1), bbox_transform=panel.transAxes))
 
 
@@ -345,4 +344,4 @@ def draw_signal(panel: Axes, axes: Mapping[str, AxisResult], result: Result) -> 
                    color=colours['soft'])
         right.locator_params(axis='y', nbins=4)
         notes.append(('- - temperature [°C]', colours['soft']))
-    write_in_a_row(panel, [heading, *notes])
+    write_above(panel, [[heading], notes])

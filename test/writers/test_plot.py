@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 from math import degrees
+import re
 import xml.etree.ElementTree as ElementTree
 
 from exact_results import axis_result, with_axes
@@ -30,6 +31,23 @@ def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, star
 
 def texts_of(figure):
     return [text.get_text() for text in figure.findobj(Text)]
+
+
+def test_no_text_lies_over_another_or_beyond_the_edge(result):
+    assert result.timeline.gaps
+    assert result.timeline.motion
+    warm = replace(result, temperature=result.axes['gyro_x'].signal)
+    for figure in (plot.overview_figure(warm), plot.sensor_figure(warm, 'accel')):
+        figure.draw_without_rendering()
+        page = figure.bbox.padded(1)
+        # Of the numbers at ticks, those beyond the limits are not drawn.
+        boxes = [(text.get_text(), text.get_window_extent()) for text in figure.findobj(Text)
+                 if re.search('[a-z]', text.get_text()) and text.get_visible()]
+        for place, (text, box) in enumerate(boxes):
+            assert page.x0 <= box.x0 and box.x1 <= page.x1, text
+            assert not [other for other, of in boxes[place + 1:] if (
+                min(box.x1, of.x1) - max(box.x0, of.x0) > 1
+                and min(box.y1, of.y1) - max(box.y0, of.y0) > 1)], text
 
 
 def test_left_is_the_unit_of_the_table_right_si_and_the_numbers_are_round(result):
