@@ -126,9 +126,10 @@ def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
 
 def write_above(panel: Axes, rows: Sequence[Sequence[tuple[str, str]]]) -> None:
     """Write rows of coloured texts above `panel`."""
+    from matplotlib.artist import Artist
     from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea, VPacker
 
-    packed = [HPacker(children=[
+    packed: list[Artist] = [HPacker(children=[
         TextArea(text, textprops={'color': colour, 'fontsize': 8, 'parse_math': False})
         for text, colour in row], pad=0, sep=14) for row in rows if row]
     panel.add_artist(AnchoredOffsetbox(
@@ -150,7 +151,8 @@ def draw_curve(panel: Axes, axis: AxisResult, colour: str, marker: str = 'o',
     tau, adev = np.array(curve.tau_s), np.array(curve.adev)
     seen = adev > 0
     if not seen.any():
-        panel.text(0.5, 0.5, 'constant signal:\nAllan deviation 0', ha='center', va='center',
+        # Where the curves of others never are.
+        panel.text(0.04, 0.05, 'constant signal:\nAllan deviation 0', va='bottom',
                    transform=panel.transAxes, color=colour)
         return
     fine, model = tau, np.array(curve.model_adev)

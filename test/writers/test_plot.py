@@ -10,6 +10,7 @@ import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline
 from imu_allan.writers import charts, curves, plot
+from imu_allan.writers.fleet import Fleet
 from imu_allan.writers.svg import power_text
 import matplotlib
 from matplotlib.text import Text
@@ -44,7 +45,7 @@ def test_no_text_lies_over_another_or_beyond_the_edge(result):
         boxes = [(text.get_text(), text.get_window_extent()) for text in figure.findobj(Text)
                  if re.search('[a-z]', text.get_text()) and text.get_visible()]
         for place, (text, box) in enumerate(boxes):
-            assert page.x0 <= box.x0 and box.x1 <= page.x1, text
+            assert page.x0 <= box.x0 < box.x1 <= page.x1, text
             assert not [other for other, of in boxes[place + 1:] if (
                 min(box.x1, of.x1) - max(box.x0, of.x0) > 1
                 and min(box.y1, of.y1) - max(box.y0, of.y0) > 1)], text
@@ -127,6 +128,17 @@ def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, re
             in texts_of(plot.overview_figure(odd)))
     assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
+
+
+def test_that_one_of_two_is_constant_is_not_written_over_the_curve_of_the_other(result):
+    dead = replace(result, axes={'gyro_x': axis_result('gyro_x', {}, curve=FLAT)})
+    both = {'one': result, 'dead': dead}
+    figure = plot.curves_figure(both, Fleet(both).population)
+    figure.draw_without_rendering()
+    [said] = [text for text in figure.findobj(Text) if 'constant' in text.get_text()]
+    for line in said.axes.lines:
+        points = said.axes.transData.transform(line.get_xydata())
+        assert not said.get_window_extent().count_contains(points)
 
 
 def test_drawing_needs_no_display_and_no_pyplot():
