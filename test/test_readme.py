@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 
+from browser import needs_browser
 from imu_allan import datasheet
 from imu_allan.cli.main import main
 import numpy as np
@@ -217,13 +218,29 @@ def test_the_first_minutes_show_the_commands_of_their_script(workplace, monkeypa
             assert main(shlex.split(command.partition(' | ')[0])[1:]) in (0, 1, 4), command
 
 
-def test_documentation_builds_without_warnings(tmp_path):
+@pytest.fixture(scope='module')
+def pages(tmp_path_factory):
+    """Build the documentation as HTML; a warning is an error."""
     for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
+    folder = tmp_path_factory.mktemp('pages')
     python('-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n', '-q', '-d',
-           tmp_path / 'doctrees', ROOT / 'docs', tmp_path / 'html', check=True)
-    page = (tmp_path / 'html' / 'statistics.html').read_text()
-    # What draws the formulas lies beside the pages, and nothing is fetched from elsewhere.
+           folder / 'doctrees', ROOT / 'docs', folder / 'html', check=True)
+    return folder / 'html'
+
+
+def test_what_draws_the_formulas_lies_beside_the_pages(pages):
+    page = (pages / 'statistics.html').read_text()
     [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)
-    assert (tmp_path / 'html' / drawn_by).is_file()
+    assert (pages / drawn_by).is_file()
     assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:', page)
+
+
+@needs_browser
+def test_every_equation_is_drawn_and_seen_whole_on_a_screen(pages, browser):
+    browser.show(pages / 'statistics.html', width=1400)
+    browser.cdp('Runtime.evaluate', expression='MathJax.startup.promise', awaitPromise=True)
+    assert browser.run('return document.querySelectorAll("div.math mjx-container").length') > 9
+    assert browser.run('return [...document.querySelectorAll("mjx-merror, div.math")].filter('
+                       'item => item.tagName !== "DIV" || item.scrollWidth > item.clientWidth)'
+                       '.map(item => item.textContent)') == []
