@@ -27,8 +27,8 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
             shown = ', '.join(brief(thermometer.name) for thermometer in (*separate, *own)[:10])
             raise ImuAllanError(
                 f'{printable(recording.path)}: --temperature {brief(named)}: no '
-                'topic of type sensor_msgs/Temperature, field or column of this name; there are '
-                + (shown or 'no temperatures in it'))
+                'topic of type sensor_msgs/Temperature, field or column of this name'
+                + (f'; there are {shown}' if shown else ''))
         return chosen[0]
     if own or not separate:
         return own[0] if own else None

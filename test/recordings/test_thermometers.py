@@ -98,6 +98,10 @@ def test_a_column_is_taken(tmp_path, samples):
             ('temperature [degC]', None, True), ('heat', 'heat', True), ('heat', None, False)):
         path.write_text('\n'.join([f'time_s,gyro_x,{name}', *rows, '']))
         assert follows(analyze(path, reading=RecordingOptions(temperature=temperature))) is taken
+    # Whether others hold one is not known where a name is given.
+    with refused(f'{path}: --temperature hat: no topic of type sensor_msgs/Temperature, field or '
+                 'column of this name'):
+        analyze(path, reading=RecordingOptions(temperature='hat'))
 
 
 def test_a_column_that_is_no_temperature_is_reported(tmp_path):
