@@ -27,7 +27,7 @@ from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.state import part_of, Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 from imu_allan.timeline.memory import RATE_TOLERANCE
-from imu_allan.timeline.pace import measure_pace
+from imu_allan.timeline.pace import measure_pace, Pace, spread_about
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +38,9 @@ LONGEST_LOOK_S = 10.0
 """Longest time to hold messages back; jitter has averaged out, so their rate is conclusive."""
 FEWEST_MESSAGES = 16
 """A jitter of half an interval changes the measured rate of 16 messages by 5 %."""
+_NO_GRID, _MOSTLY = 0.3, 0.7
+"""Uneven stamps are of the known rate if they scatter less than this about its grid, in intervals,
+and fill this share of it. Unrelated stamps scatter by .33; those of half the rate fill half."""
 _MOST_MESSAGES = 20_000
 """10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by this many messages sooner."""
 BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
@@ -153,15 +156,33 @@ class Known(Record):
 
     def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the rate of messages by the clock; 0 if there are too few."""
-        # A repeated message counts once.
-        stamps = np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
+        pace = self._pace(blocks)
+        return 0.0 if pace is None else 1e9 / pace.interval_ns
+
+    def _pace(self, blocks: Sequence[ImuBlock]) -> Pace | None:
+        """Return the pace of messages by the clock; None if there are too few."""
+        stamps = self._distinct(blocks)
         pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
-        return 1e9 / pace.interval_ns if pace is not None and pace.interval_ns > 0 else 0.0
+        return pace if pace is not None and pace.interval_ns > 0 else None
+
+    def _distinct(self, blocks: Sequence[ImuBlock]) -> Ints:
+        """Return the stamps in order; a repeated message counts once."""
+        return np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
 
     def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
-        measured = self.measured_hz(blocks) if self.rate_hz else 0.0
+        pace = self._pace(blocks) if self.rate_hz else None
+        if not self.rate_hz or pace is None:
+            return 0.0
         # Compares intervals, as the timeline does.
-        return abs(self.rate_hz / measured - 1) if measured and self.rate_hz else 0.0
+        interval_ns = 1e9 / self.rate_hz
+        ratio = pace.interval_ns / interval_ns
+        if pace.counting or ratio < 0.75:
+            # Of uneven stamps, messages are counted though some are lost, or a finer grid fits.
+            stamps = self._distinct(blocks)
+            filled = len(stamps) * interval_ns / float(stamps[-1] - stamps[0])
+            if filled > _MOSTLY and spread_about(stamps, interval_ns) < _NO_GRID:
+                return 0.0
+        return abs(ratio - 1)
 
     def _stamps(self, blocks: Sequence[ImuBlock]) -> Ints:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns

@@ -136,6 +136,24 @@ def test_other_rates_for_some_seconds_end_no_run(world):
     assert world.samples > RATE_HZ * (PROVEN_S + 70 - 20)
 
 
+def late_ticks(count, late_s, seed):
+    """Give the times of a timer that comes late, and then leaves out the ticks it has missed."""
+    generator, period_s, now = np.random.default_rng(seed), 1 / RATE_HZ, 0.0
+    for _ in range(count):
+        now = period_s * np.ceil(now / period_s + 1e-9) + generator.exponential(late_s)
+        yield now
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_a_driver_whose_timer_comes_late_and_leaves_out_ticks_is_the_same_imu(world, seed):
+    late = np.array([*late_ticks(40_000, 5e-3, seed)])
+    stamps = START_NS + np.rint((PROVEN_S + late) * 1e9).astype(np.int64)
+    world.comes(replace(at_rest(len(stamps), seed=2), header_ns=stamps, receive_ns=stamps))
+    assert not world.replaced
+    assert world.samples == pytest.approx(RATE_HZ * PROVEN_S + len(late), rel=0.005)
+    assert world.timeline.sample_rate_hz == pytest.approx(RATE_HZ, rel=1e-4)
+
+
 @pytest.mark.parametrize(('rate_hz', 'together', 'comes', 'reasons', 'samples'), [
     # Of each that comes: seconds, start, publisher, and what is other than before.
     pytest.param(200.0, 100, [(30, 0, 1, {}), (30, 30, 1, {'rate_hz': 197.0})], [], 12_000,
