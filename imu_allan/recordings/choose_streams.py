@@ -17,6 +17,7 @@ from typing import Literal
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import Half, ImuBlock
 from imu_allan.errors import brief, ImuAllanError, printable
+from imu_allan.recordings.messages.imus_in import may_hold_imu
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import counted, NO_TOPIC
 import numpy as np
@@ -78,9 +79,12 @@ def _what_there_is(recording: Recording) -> str:
     if not recording.other_topics:
         return 'it holds no topics at all: the recording is empty'
     others = sorted(recording.other_topics.items())
+    own = any(may_hold_imu(kind) for _, kind in others)
     return ('no topic of type sensor_msgs/msg/Imu; it holds '
             + _first_ten([f'{brief(name)} ({brief(kind)})' for name, kind in others])
-            + _reason(recording, sorted(recording.other_topics)))
+            + (_reason(recording, sorted(recording.other_topics)) or (
+                '; if the fields of one are those of an IMU, name them with --gyro and --accel'
+                if own else '')))
 
 
 def _reason(recording: Recording, topics: list[str]) -> str:

@@ -217,6 +217,7 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
 
 
 @pytest.mark.parametrize(('options', 'reason'), [
+    ({}, 'if the fields of one are those of an IMU, name them with --gyro and --accel'),
     ({'gyro': 'rate'}, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw, inner, '
                        'gx, gy, gz, name'),
     ({'gyro': 'inner.points[2]'}, '--gyro inner.points[2]: points has no such element'),
