@@ -144,7 +144,7 @@ class CsvRecording(FileRecording):
         for number in range(1, 102):
             at, line = file.tell(), file.readline(_LONGEST_LINE)
             if b'\n' not in line and b'\r' in line[:-1]:
-                raise ImuAllanError("the lines end with \\r alone, not \\n; replace it with: "
+                raise ImuAllanError('the lines end with \\r alone, not \\n; replace it with: '
                                     "tr '\\r' '\\n' < OLD.csv > NEW.csv")
             if len(line) == _LONGEST_LINE and not line.endswith(b'\n'):
                 raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '

@@ -199,7 +199,7 @@ EIGHT_FIELDS = (
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
     ('gyro_x,' * 200_000, 'line 1 is longer than 1 MiB: it is no table of samples'),
-    *(('time_s,gyro_x\r' + '0,1\r' * count, "the lines end with \\r alone, not \\n; replace it "
+    *(('time_s,gyro_x\r' + '0,1\r' * count, 'the lines end with \\r alone, not \\n; replace it '
        "with: tr '\\r' '\\n' < OLD.csv > NEW.csv") for count in (3, 300_000)),
     # What may be something else is not taken.
     *((f'{header}\n' + '1,' * header.count(',') + '1\n', no_axes(header)) for header in (
