@@ -149,25 +149,33 @@ def _is_tick(stamps: Stamps, steps: Array, interval: float) -> bool:
 
 def _is_beat(time: Array, grid: Pace) -> bool:
     """Return whether the empty places of a grid are of a timer that reads a slower sensor."""
-    # Clocks that are read when the timer fires show that time, although no sample is lost. The
-    # places per message then vary by at most one, as 16 random losses do once in 100,000 times.
-    # Messages dropped in turn repeat exactly, unlike a beat of two frequencies.
+    # Clocks that are read when the timer fires show that time, although no sample is lost. Stamps
+    # then stay within their lateness of a straight line, from which random losses stray by the
+    # root of their number.
     steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
-    if grid.spread > 0.05:
-        return False
+    lost = int(steps.sum()) - len(steps)
     steps //= max(int(np.gcd.reduce(steps)), 1)
-    long = np.flatnonzero(steps > np.floor(steps.mean()))
-    if len(long) < 2 * _FEW_LOSSES:
+    long = steps > np.floor(steps.mean())
+    if len(time) < 4 * _GROUP or min(lost, int(np.count_nonzero(long))) < 2 * _FEW_LOSSES:
         return False
-    # The places stay within one of a straight line, with a small allowance for lateness.
-    if np.ptp(off_a_line(np.concatenate([[0], np.cumsum(steps)]))) > 1.2:
+    groups = time[:len(time) // _GROUP * _GROUP].reshape(-1, _GROUP) / grid.interval_ns
+    strays = float(np.ptp(off_a_line(np.median(groups, axis=1))))
+    if strays > min(1.3 + 40 * grid.spread, max(1.3, 0.25 * sqrt(lost))):
         return False
-    apart = np.diff(long)
-    # With fewer irregularities, from other losses or lateness, messages are dropped in turn.
-    few_slips = 4
-    return int(np.count_nonzero(apart != np.median(apart))) >= few_slips and all(
-        int(np.count_nonzero(steps[turn:] != steps[:-turn])) >= few_slips
-        for turn in range(2, 13))
+    # A timer that reads a sensor of about its own rate finds several samples, or none.
+    if np.mean(steps == 0) > 0.1:
+        return True
+    # Messages dropped in turn repeat, unlike a beat of two frequencies.
+    apart = int(np.median(np.diff(np.flatnonzero(long))))
+    return all(_repeats(long, turn) < 0.8 - 3 * grid.spread for turn in {apart, *range(2, 20)})
+
+
+def _repeats(long: Bools, turn: int) -> float:
+    """Return the share of the variance that repeats after so many messages, within segments."""
+    rows = max(min(512, len(long)) // turn, 1) * turn
+    parts = long[:len(long) // rows * rows].reshape(-1, rows // turn, turn).astype(np.float64)
+    varies = float(parts.var(axis=(1, 2)).mean())
+    return float(parts.mean(axis=1).var(axis=1).mean()) / varies if varies else 1.0
 
 
 def _in_batches(time: Array, begins: Bools) -> Pace | None:
@@ -177,7 +185,8 @@ def _in_batches(time: Array, begins: Bools) -> Pace | None:
         return None
     size, lasts = np.diff(first), np.diff(time[first])
     usual = float(np.median(lasts / size))
-    on = np.abs(lasts - usual * size) < 0.5 * usual * size
+    # A timer that reads a FIFO finds one sample more or less.
+    on = np.abs(lasts - usual * size) < usual * np.maximum(0.5 * size, 1.5)
     if usual <= 0 or np.mean(on) < 0.5:
         return None
     interval = float(lasts[on].sum() / size[on].sum())

@@ -106,7 +106,7 @@ def count_in_runs(same: Bools, before: int) -> tuple[Ints, Ints]:
     return np.arange(len(same)) - begins[run], lengths[run]
 
 
-def off_a_line(places: Ints) -> Array:
+def off_a_line(places: Array | Ints) -> Array:
     """Return how far places lie off the straight line that fits them best."""
     number = np.arange(len(places)) - (len(places) - 1) / 2
     off: Array = places - places.mean() - (number @ places) / (number @ number) * number

@@ -87,6 +87,15 @@ def in_batches(messages, size, rate_hz, apart_s=2e-5):
     return replace(messages, header=stamps, receive=stamps + 1e-3)
 
 
+def read_by_timer(messages, rng, every_s, late_s):
+    """Stamp messages when a timer, which is late itself, finds them ready, one after the other."""
+    tick = np.ceil((messages.header + 0.3 * every_s) / every_s).astype(int)
+    fires = every_s * np.arange(tick[-1] + 1) + rng.exponential(late_s, tick[-1] + 1)
+    header = np.maximum.accumulate(fires[tick]) + 1e-6 * messages.place
+    return replace(messages, header=header, receive=np.maximum.accumulate(
+        header + 1e-4 + rng.exponential(1e-4, len(header))))
+
+
 def missed(messages):
     return int(messages.place[-1] - messages.place[0]) + 1 - len(messages.place)
 
@@ -124,6 +133,10 @@ def now_and_then_late(messages, rng):
 
 STAMPS = [
     ('outages of any length', 100.0, 400, 1e-4, 0, partial(outages, on_s=1, off_s=3)),
+    *((f'a timer of {every_s} s reads {rate_hz} Hz', rate_hz, 100, 1e-3, 0, partial(
+        read_by_timer, every_s=every_s, late_s=late_s)) for rate_hz, every_s, late_s in (
+            (100.3, 0.016, 1e-3), (83.6, 0.008, 1e-3), (100.3, 1 / 150, 5e-4),
+            (334.0, 0.008, 2e-4))),
     ('few messages between outages', 5.0, 1200, 1e-4, 0, lambda m, _: replace(
         m, receive=np.full(len(m.place), m.receive[-1])).pick(m.place % 24 < 3)),
     ('batches, outages', 100.0, 150, 1e-3, 6, lambda m, _: in_batches(m, 10, 100.0).pick(
