@@ -122,9 +122,11 @@ def _on_grid(time: Array, steps: Array, interval: float) -> Pace | None:
     whole = np.rint(steps / interval)
     # Some receive stamps are slightly late. Chosen by judgment.
     near = (np.abs(steps / interval - whole) < 0.15) & (whole > 0) & (whole < PHASE_GROUP)
-    if near.any():
-        interval = float(steps[near].sum() / whole[near].sum())
-    pace = _refine(time, interval)
+    of_near = float(steps[near].sum() / whole[near].sum()) if near.any() else interval
+    pace = _refine(time, of_near)
+    if pace.spread > COUNTING_SPREAD:
+        # Of stamps in slots of a radio, those near a whole number of intervals are all too short.
+        pace = _refine(time, interval)
     return None if pace.spread > COUNTING_SPREAD or _overfull(time, pace.interval_ns) else pace
 
 

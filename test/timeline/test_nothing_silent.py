@@ -96,6 +96,15 @@ def read_by_timer(messages, rng, every_s, late_s):
         header + 1e-4 + rng.exponential(1e-4, len(header))))
 
 
+def by_radio(messages, rng, slot_s=0.03):
+    """Stamp messages when they have come over a radio, in slots, with losses in bursts."""
+    late = rng.exponential(2e-3, len(messages.place))
+    header = np.ceil(messages.header / slot_s) * slot_s + late
+    header = np.maximum.accumulate(header) + 1e-6 * messages.place
+    lost = np.convolve(rng.random(len(header)) < 0.03, np.ones(4))[:len(header)] > 0
+    return one_clock(replace(messages, header=header)).pick(~lost)
+
+
 def missed(messages):
     return int(messages.place[-1] - messages.place[0]) + 1 - len(messages.place)
 
@@ -133,6 +142,7 @@ def now_and_then_late(messages, rng):
 
 STAMPS = [
     ('outages of any length', 100.0, 400, 1e-4, 0, partial(outages, on_s=1, off_s=3)),
+    ('slots of a radio', 10.0, 1200, 1e-3, 2, by_radio),
     *((f'a timer of {every_s} s reads {rate_hz} Hz', rate_hz, 100, 1e-3, 0, partial(
         read_by_timer, every_s=every_s, late_s=late_s)) for rate_hz, every_s, late_s in (
             (100.3, 0.016, 1e-3), (83.6, 0.008, 1e-3), (100.3, 1 / 150, 5e-4),
