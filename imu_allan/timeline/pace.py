@@ -158,11 +158,15 @@ def _is_beat(time: Array, grid: Pace) -> bool:
     lost = int(steps.sum()) - len(steps)
     steps //= max(int(np.gcd.reduce(steps)), 1)
     long = steps > np.floor(steps.mean())
-    if len(time) < 4 * _GROUP or min(lost, int(np.count_nonzero(long))) < 2 * _FEW_LOSSES:
+    # Of later stamps than these, the losses of a sensor may look as regular.
+    if grid.spread > 0.13 or len(time) < 4 * _GROUP or min(
+            lost, int(np.count_nonzero(long))) < 2 * _FEW_LOSSES:
         return False
-    groups = time[:len(time) // _GROUP * _GROUP].reshape(-1, _GROUP) / grid.interval_ns
-    strays = float(np.ptp(off_a_line(np.median(groups, axis=1))))
-    if strays > min(1.3 + 40 * grid.spread, max(1.3, 0.25 * sqrt(lost))):
+    places, limit = time / grid.interval_ns, 1.3
+    if grid.spread > 0.05:
+        places = np.median(places[:len(time) // _GROUP * _GROUP].reshape(-1, _GROUP), axis=1)
+        limit = min(1.3 + 40 * grid.spread, max(1.3, 0.25 * sqrt(lost)))
+    if np.ptp(off_a_line(places)) > limit:
         return False
     # A timer that reads a sensor of about its own rate finds several samples, or none.
     if np.mean(steps == 0) > 0.1:
