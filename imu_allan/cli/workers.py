@@ -11,7 +11,7 @@ for lack of memory, the results of all others are lost.
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 import os
@@ -79,19 +79,48 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
 
     Return the result, and the error if the folder could not be written.
     """
-    from imu_allan.analysis import analyzed
-    from imu_allan.result import Inspection
+    # Workers, which report no progress, leave no core idle.
+    beside = progress is not None and task.folder is not None and (os.cpu_count() or 1) > 1
+    with WorkerProcesses(1) if beside else nullcontext() as drawing:
+        if drawing is not None:
+            drawing.submit(_prepare_to_draw)
+        from imu_allan.analysis import analyzed
+        from imu_allan.result import Inspection
 
-    result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice, progress)
-    if task.inspection:
-        result = replace(result, inspection=Inspection(**task.inspection))
-    if task.folder is not None:
-        from imu_allan.writers.result_files import save_folder
-        try:
-            save_folder(result, task.folder, task.exports)
-        except ImuAllanError as error:
-            return result, error
+        result = analyzed(task.paths[0] if len(task.paths) == 1 else task.paths, task.choice,
+                          progress)
+        if task.inspection:
+            result = replace(result, inspection=Inspection(**task.inspection))
+        if task.folder is not None:
+            from imu_allan.writers.result_files import save_folder
+            try:
+                save_folder(result, task.folder, task.exports,
+                            drawn=None if drawing is None else _drawn(drawing, result))
+            except ImuAllanError as error:
+                return result, error
     return result, None
+
+
+def _prepare_to_draw() -> None:
+    from imu_allan.writers.plot import import_matplotlib
+
+    import_matplotlib()
+
+
+def _drawn(drawing: Executor, result: 'Result') -> Callable[[], bytes]:
+    """Begin to draw the picture of a result; return a function that waits for it."""
+    from imu_allan.writers.plot import overview_png
+
+    picture = drawing.submit(overview_png, result)
+
+    def wait() -> bytes:
+        try:
+            return picture.result()
+        except ImuAllanError:
+            # No process could be started, or it was ended from outside.
+            return overview_png(result)
+
+    return wait
 
 
 @contextmanager

@@ -137,14 +137,16 @@ class IncompleteSave(ImuAllanError):
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
-                report: bool = True, picture: bool = True) -> list[Path]:
+                report: bool = True, picture: bool = True,
+                drawn: Callable[[], bytes] | None = None) -> list[Path]:
     """
     Write all files about one result.
 
     They are ``result.json``, ``curve.csv``, the configurations of `exports`, ``report.html`` and
-    ``allan_deviation.png``. Without `report` the page is omitted, which takes most of the time. On
-    an error, the files before it in this list have been written. Raises IncompleteSave, after
-    writing everything else, if a filter cannot be configured from this result.
+    ``allan_deviation.png``. Without `report` the page is omitted, which takes most of the time.
+    `drawn` returns the picture if it is drawn elsewhere. On an error, the files before it in this
+    list have been written. Raises IncompleteSave, after writing everything else, if a filter
+    cannot be configured from this result.
     """
     folder, left_out = Path(folder), []
 
@@ -161,7 +163,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         'curve.csv': lambda: curves_csv(result).encode(),
         **{CONSUMERS[consumer].file: partial(configuration, consumer) for consumer in exports},
         **(report_files(result, ()) if report else {}),
-        **(_plots(lambda: plot.overview_figure(result), 'allan_deviation', ('png',))
+        **({'allan_deviation.png': drawn or partial(plot.overview_png, result)}
            if picture else {})})
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')

@@ -13,6 +13,7 @@ import imu_allan
 from imu_allan.cli import workers
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.plot import overview_png
 from imu_messages import encode_imu
 import numpy as np
 import pytest
@@ -51,6 +52,25 @@ def test_output_holds_what_python_returns_and_every_file(recording, tmp_path, ou
         'px4_imu.params'}
     for path in (output / 'result.json', tmp_path / 'r.json'):
         assert json.loads(path.read_text()) == imu_allan.analyze(recording).to_dict()
+
+
+@pytest.mark.parametrize('processes', [True, False])
+def test_the_picture_is_the_same_whatever_process_draws_it(
+        recording, tmp_path, output_of, monkeypatch, processes):
+    started, start_python = [], workers.start_python
+
+    def start(*args, **more):
+        started.append(args)
+        if not processes:
+            raise OSError('no further process')
+        return start_python(*args, **more)
+
+    monkeypatch.setattr(workers, 'start_python', start)
+    monkeypatch.setattr(os, 'cpu_count', lambda: 2)
+    output_of('analyze', recording, '--output', tmp_path / 'out')
+    assert started
+    result = imu_allan.load_result(tmp_path / 'out')
+    assert (tmp_path / 'out' / 'allan_deviation.png').read_bytes() == overview_png(result)
 
 
 def test_several_recordings_get_folders_and_lines_in_order(recording, tmp_path, model, fails_with):
