@@ -17,6 +17,7 @@ from functools import partial
 import os
 from pathlib import Path
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -262,6 +263,8 @@ def serve() -> None:
                 answer = None, portable(error)
             pickle.dump(answer, answers)
             answers.flush()
+    # Linux sends SIGTERM as soon as the thread ends that started this process, which is exiting.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:

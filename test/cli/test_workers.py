@@ -87,6 +87,22 @@ raise SystemExit(main())
 """
 
 
+EXITS = """
+import atexit, sys, time
+from imu_allan.cli.workers import serve
+atexit.register(lambda: (print('exits', file=sys.stderr, flush=True), time.sleep(0.5)))
+serve()
+"""
+
+
+def test_a_worker_that_is_ended_while_it_exits_says_nothing_of_it():
+    with subprocess.Popen([sys.executable, '-c', EXITS], stdin=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, text=True) as worker:
+        assert worker.stderr.readline() == 'exits\n'
+        worker.terminate()
+        assert (worker.stderr.read(), worker.wait()) == ('', 0)
+
+
 def test_ctrl_c_as_a_folder_is_made_to_unpack_into_removes_it(tmp_path, packed):
     # Within `exec`, as where dataclasses are made, `python -m` would end by the signal.
     program, temporary = tmp_path / 'interrupted.py', tmp_path / 'temporary'
