@@ -103,9 +103,10 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None
 
 
 def _prepare_to_draw() -> None:
-    from imu_allan.writers.plot import import_matplotlib
-
-    import_matplotlib()
+    """Import what draws a picture, which takes as long as drawing it."""
+    import imu_allan.writers.plot  # noqa: F401
+    import matplotlib.backends.backend_agg
+    import matplotlib.figure  # noqa: F401
 
 
 def _drawn(drawing: Executor, result: 'Result') -> Callable[[], bytes]:

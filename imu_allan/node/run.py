@@ -156,29 +156,25 @@ class Known(Record):
 
     def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the rate of messages by the clock; 0 if there are too few."""
-        pace = self._pace(blocks)
+        pace = _pace(self._distinct(blocks))
         return 0.0 if pace is None else 1e9 / pace.interval_ns
-
-    def _pace(self, blocks: Sequence[ImuBlock]) -> Pace | None:
-        """Return the pace of messages by the clock; None if there are too few."""
-        stamps = self._distinct(blocks)
-        pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
-        return pace if pace is not None and pace.interval_ns > 0 else None
 
     def _distinct(self, blocks: Sequence[ImuBlock]) -> Ints:
         """Return the stamps in order; a repeated message counts once."""
         return np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
 
     def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
-        pace = self._pace(blocks) if self.rate_hz else None
-        if not self.rate_hz or pace is None:
+        if not self.rate_hz:
+            return 0.0
+        stamps = self._distinct(blocks)
+        pace = _pace(stamps)
+        if pace is None:
             return 0.0
         # Compares intervals, as the timeline does.
         interval_ns = 1e9 / self.rate_hz
         ratio = pace.interval_ns / interval_ns
         if pace.counting or ratio < 0.75:
             # Of uneven stamps, messages are counted though some are lost, or a finer grid fits.
-            stamps = self._distinct(blocks)
             filled = len(stamps) * interval_ns / float(stamps[-1] - stamps[0])
             if filled > _MOSTLY and spread_about(stamps, interval_ns) < _NO_GRID:
                 return 0.0
@@ -187,6 +183,12 @@ class Known(Record):
     def _stamps(self, blocks: Sequence[ImuBlock]) -> Ints:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
                                for block in blocks])
+
+
+def _pace(stamps: Ints) -> Pace | None:
+    """Return the pace of distinct stamps; None if there are too few."""
+    pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
+    return pace if pace is not None and pace.interval_ns > 0 else None
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:

@@ -158,7 +158,8 @@ def _is_beat(time: Array, grid: Pace) -> bool:
     lost = int(steps.sum()) - len(steps)
     steps //= max(int(np.gcd.reduce(steps)), 1)
     long = steps > np.floor(steps.mean())
-    # Of later stamps than these, the losses of a sensor may look as regular.
+    # Of later stamps than these, the losses of a sensor may look as regular. This and the other
+    # limits are chosen by judgment, on simulated timers and random faults.
     if grid.spread > 0.13 or len(time) < 4 * _GROUP or min(
             lost, int(np.count_nonzero(long))) < 2 * _FEW_LOSSES:
         return False

@@ -72,12 +72,6 @@ def _axis_figure(axis: AxisResult) -> 'Figure':
     return figure
 
 
-def import_matplotlib() -> None:
-    """Import what draws a picture, which takes as long as drawing it."""
-    import matplotlib.backends.backend_agg
-    import matplotlib.figure  # noqa: F401
-
-
 def overview_png(result: Result) -> bytes:
     """Draw `overview_figure` as the content of a PNG file."""
     return render(overview_figure(result))
