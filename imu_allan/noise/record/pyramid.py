@@ -56,10 +56,20 @@ class Pyramid(MultiAxis):
         `rows`, shape (axes, n): in the unit of a sample.
         """
         # So many samples of six axes fit into the cache with their differences.
-        for begin in range(0, rows.shape[1], 8192):
-            self._absorb(rows[:, begin:begin + 8192])
+        sums = np.concatenate([self._fast_octaves(rows[:, begin:begin + 8192])
+                               for begin in range(0, rows.shape[1], 8192)], axis=1)
+        for stage in count(1):
+            new = sums.shape[1]
+            if not new:
+                break
+            if stage > len(self.tails):
+                self._grow(stage)
+            window = np.concatenate((self.tails[stage - 1], sums), axis=1)
+            self.tails[stage - 1] = window[:, -OVERLAP:].copy()
+            sums = self._next_sums(stage, window, new)
 
-    def _absorb(self, rows: Array) -> None:
+    def _fast_octaves(self, rows: Array) -> Array:
+        """Add the octaves of full overlap and stage 0; return the sums for stage 1."""
         window, new = np.concatenate((self.newest, rows), axis=1), rows.shape[1]
         # As many previous samples as the next differences need.
         self.newest = window[:, 1 - 2 * OVERLAP:].copy()
@@ -67,21 +77,16 @@ class Pyramid(MultiAxis):
             m = 2**octave
             self._add(octave, window, m, new)
             window = window[:, m:] + window[:, :-m]
-        new = min(new, window.shape[1])
-        for stage in count():
-            known, end = window.shape[1] - new, max(window.shape[1] - OVERLAP, 0)
-            first = end - self._add(OVERLAP_OCTAVE + stage, window, OVERLAP, new)
-            # Take every other pair, counted from the beginning of the segment.
-            every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
-            sums = window[:, every] + window[:, OVERLAP:][:, every]
-            self.odd[stage] = (self.odd[stage] + new) % 2
-            new = sums.shape[1]
-            if not new:
-                break
-            if stage == len(self.tails):
-                self._grow(stage + 1)
-            window = np.concatenate((self.tails[stage], sums), axis=1)
-            self.tails[stage] = window[:, -OVERLAP:].copy()
+        return self._next_sums(0, window, min(new, window.shape[1]))
+
+    def _next_sums(self, stage: int, window: Array, new: int) -> Array:
+        """Add a stage, of which the last `new` sums are new; return the sums for the next one."""
+        known, end = window.shape[1] - new, max(window.shape[1] - OVERLAP, 0)
+        first = end - self._add(OVERLAP_OCTAVE + stage, window, OVERLAP, new)
+        # Take every other pair, counted from the beginning of the segment.
+        every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
+        self.odd[stage] = (self.odd[stage] + new) % 2
+        return np.asarray(window[:, every] + window[:, OVERLAP:][:, every])
 
     def _add(self, octave: int, window: Array, apart: int, new: int) -> int:
         """Add differences of values `apart` that end at one of the last `new`; return how many."""
@@ -103,9 +108,5 @@ class Pyramid(MultiAxis):
 
 def _square_sums(rows: Array) -> Array:
     """Return the sum of squares of each row, shape (axes,), four times as fast as einsum."""
-    sums = np.zeros(len(rows))
-    # No BLAS splits products of this length over threads, so sums do not depend on their number.
-    for begin in range(0, rows.shape[1], 8192):
-        part = rows[:, begin:begin + 8192]
-        sums += (part[:, None, :] @ part[:, :, None])[:, 0, 0]
-    return sums
+    # No BLAS splits products of 8192 numbers over threads, so sums do not depend on their number.
+    return np.asarray((rows[:, None, :] @ rows[:, :, None])[:, 0, 0])
