@@ -9,8 +9,10 @@ nothing below it makes decisions based on findings.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
-from typing import Annotated, Any, get_args, get_origin, Literal
+from typing import Annotated, Any, get_args, Literal
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.json_of_dataclasses import typed
 
 Severity = Literal['act', 'know']
 
@@ -217,15 +219,8 @@ def known(kind: Any) -> Any:
 
 def is_of_kind(value: object, kind: Any) -> bool:
     """Return whether a value is of a type in `CODES`."""
-    if value is None:
-        return is_optional(kind)
-    origin, args = get_origin(known(kind)), get_args(known(kind))
-    if origin is Literal:
-        return value in args
-    if origin is tuple:
-        return (isinstance(value, (list, tuple))
-                and all(is_of_kind(item, args[0]) for item in value))
-    plain = args[0]
-    if isinstance(value, bool) or plain not in (int, float):
-        return isinstance(value, plain)
-    return isinstance(value, (int, plain)) and isfinite(value)
+    try:
+        typed(kind, value, '')
+    except ImuAllanError:
+        return False
+    return True

@@ -70,7 +70,9 @@ def checked(kind: Any, value: Any, where: str) -> Any:
     if origin is Annotated:
         number, bound = get_args(kind)
         value = checked(number, value, where)
-        if not (value > 1 / _LARGEST or (value == 0 and bound == NOT_NEGATIVE)):
+        # Other annotations are units.
+        if bound in (ABOVE_ZERO, NOT_NEGATIVE) and not (
+                value > 1 / _LARGEST or (value == 0 and bound == NOT_NEGATIVE)):
             raise ImuAllanError(f'{where}: expected {bound}')
         return value
     if origin is Literal:
