@@ -119,7 +119,9 @@ def draw_allan(panel, axis: AxisResult, truth: Mapping[str, float]) -> None:
     """Draw the curve over the lines of the true coefficients."""
     frame(panel, 'gyro', limits_of([axis], rings=True))
     draw_curve(panel, axis, COLOURS['z'], 'o')
-    draw_terms(panel, axis, truth=truth)
+    draw_terms(panel, replace(axis, gauss_markov=None, power_law=None, coefficients={
+        key: replace(found, observable=key in truth, value=truth.get(key))
+        for key, found in axis.coefficients.items()}))
 
 
 def estimate_row(key: str, what: str, truth: float, axis: AxisResult) -> list[str]:

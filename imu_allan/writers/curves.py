@@ -6,7 +6,7 @@ Arrays to draw for a result, shared by pictures and page so that they agree.
 They are curves, spectra and axis limits; nothing here depends on how they are drawn.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from math import inf
 from typing import NamedTuple
 
@@ -144,17 +144,16 @@ def few_degrees(axis: AxisResult) -> list[bool]:
     return [dof < 3.0 for dof in axis.curve.edf]
 
 
-def reading_point(term: Term, axis: AxisResult, tau: Array,
-                  truth: Mapping[str, float] | None = None) -> float:
+def reading_point(term: Term, axis: AxisResult, tau: Array) -> float:
     """
     Return the averaging time at which a coefficient is read from its line.
 
     For the bias instability it is the middle of the flat part of the model. `tau` holds the
-    averaging times to choose from, and `truth` (SI) replaces the model of the axis.
+    averaging times to choose from.
     """
     if term.read_at is not None:
         return term.read_at
-    model = reported_model(axis) if truth is None else FittedModel(truth)
+    model = reported_model(axis)
     # Omit tones and low-pass, which distort the short end; the sum of the other noise has the flat
     # part.
     total = FittedModel(model.coefficients, None, model.processes).allan_variance(tau, 1.0)

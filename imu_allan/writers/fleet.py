@@ -39,7 +39,7 @@ from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.key_figures import findings_line, worst_of
 from imu_allan.writers.pages import rendered, text_of
-from imu_allan.writers.panels import DARK
+from imu_allan.writers.panels import COLOURS, SERIES
 from imu_allan.writers.plot import curves_figure, render
 from imu_allan.writers.terminal import bare_table, wrapped
 
@@ -259,8 +259,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     population = fleet.population
     return rendered(
         'fleet.html', version=__version__, title=printable(title),
-        style=Markup(text_of('report.css')), light=_colours({colour: colour for colour in DARK}),
-        dark=_colours(DARK), facts=_facts(fleet), fleet=fleet, worst=_worst,
+        style=Markup(text_of('report.css')), facts=_facts(fleet), fleet=fleet, worst=_worst,
         findings=findings_line,
         picture=Markup(_svg(curves_figure(fleet.results, population))) if fleet.results else '',
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
@@ -283,14 +282,11 @@ def _svg(figure: Any) -> str:
     """Return a figure as an SVG element in the colours of the page."""
     text = render(figure, 'svg').decode()
     text = text[text.index('<svg'):]
-    for colour in DARK:
-        text = text.replace(colour, f'var(--c{colour[1:]})')
+    of_page = {f'r{place}': colour for place, colour in enumerate(SERIES)} | {
+        'ink': COLOURS['ink'], 'line': COLOURS['grid'], 'paper': COLOURS['paper']}
+    for name, colour in of_page.items():
+        text = text.replace(colour, f'var(--{name})')
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
-
-
-def _colours(shown: Mapping[str, str]) -> str:
-    """Return what each colour of a picture is on a page, as a style sheet says it."""
-    return ' '.join(f'--c{colour[1:]}: {own};' for colour, own in shown.items())
 
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:

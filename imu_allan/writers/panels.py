@@ -38,10 +38,6 @@ COLOURS = {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'so
            'good': '#eef3f7'}
 SERIES = (COLOURS['z'], COLOURS['x'], COLOURS['y'], '#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b')
 """Colours of results that are compared; no more than seven can be distinguished."""
-DARK = {'#d55e00': '#ff8c42', '#009e73': '#4fe3b4', '#2340a0': '#5a8cf0', '#1a1a1a': '#ececec',
-        '#6b6b6b': '#a5a5a5', '#e3e3e3': '#333840', '#ffffff': '#16181c', '#eef3f7': '#232a33',
-        '#cc79a7': '#e39ac4', '#b8860b': '#f0e442', '#56b4e9': '#9fd0f0'}
-"""Replacements for these colours in a picture when the page is dark."""
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
     'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
@@ -185,17 +181,12 @@ def draw_curve(panel: Axes, axis: AxisResult, colour: str, marker: str = 'o',
                                                  'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
-def draw_terms(panel: Axes, axis: AxisResult, truth: Mapping[str, float] | None = None) -> None:
-    """
-    Draw the line of each term, its slope, and a ring where it is read.
-
-    `truth`: coefficients in SI units, drawn instead; examples/allan_variance_study compares so.
-    """
+def draw_terms(panel: Axes, axis: AxisResult) -> None:
+    """Draw the line of each term, its slope, and a ring where it is read."""
     curve = axis.curve
     if not curve.tau_s:
         return
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
-    shown = curves.coefficients_of(axis) if truth is None else truth
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
@@ -207,19 +198,19 @@ def draw_terms(panel: Axes, axis: AxisResult, truth: Mapping[str, float] | None 
             _draw_soft(panel, tau[seen], line[seen], dashes)
         return seen
 
-    for line, place, name in curves.other_noise(axis, tau) if truth is None else ():
+    for line, place, name in curves.other_noise(axis, tau):
         if len(seen := draw(line, (0, (6, 1)))):
             place = seen[np.argmin(np.abs(seen - place))]
             _name(panel, axis, (tau[place], line[place]), name, taken)
     slopes = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
     read_at = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
                'rate_ramp': '√2 s'}
-    for key, value in shown.items():
+    for key, value in curves.coefficients_of(axis).items():
         term = TERMS[key]
         line = term.adev(value, tau)
         if not len(seen := draw(line, _TERM_DASHES[key])):
             continue
-        at = curves.reading_point(term, axis, tau, truth)
+        at = curves.reading_point(term, axis, tau)
         height = float(term.adev(value, at))
         slope = f'slope {slopes[term.slope]}'
         if tau[0] <= at <= tau[-1] and low < height < high:

@@ -10,7 +10,6 @@ from a recording never reaches the terminal as markup or control sequences.
 from collections.abc import Sequence
 from io import StringIO
 from itertools import product, zip_longest
-from typing import TYPE_CHECKING
 
 from imu_allan import wording
 from imu_allan.errors import printable
@@ -22,16 +21,12 @@ from imu_allan.writers import key_figures
 from imu_allan.writers.curves import axes_of, reported
 from imu_allan.writers.key_figures import COLUMNS, good_to_know, Units, verdict_lines
 from imu_allan.writers.terminal import wrapped
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.text import Text
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
 
 
 def result_text(result: Result) -> str:
     """Return the verbose result for 80 columns, without colours."""
-    from rich.console import Console
-
     text = StringIO()
     Console(file=text, width=COLUMNS, highlight=False, no_color=True).print(
         result_table(result, COLUMNS, verbose=True))
@@ -39,11 +34,8 @@ def result_text(result: Result) -> str:
 
 
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
-                 verbose: bool = False) -> 'RenderableType':
+                 verbose: bool = False) -> RenderableType:
     """Return the result for a terminal: verdict, numbers for a filter, table, findings."""
-    from rich.console import Group
-    from rich.text import Text
-
     found = key_figures.figures_of(result)
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
@@ -78,7 +70,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
         [Text()] if place > 0 and len(blocks) - place <= spare else []) + block))
 
 
-def _heading(result: Result, width: int) -> 'list[Text]':
+def _heading(result: Result, width: int) -> list[Text]:
     """Return the lines on what was analyzed: names, amount of data, and faults of its times."""
     frame = [f'frame {printable(result.source.frame_id)}'] if result.source.frame_id else []
     names = '  '.join([*wording.names_of(result), *frame])
@@ -90,7 +82,7 @@ def _heading(result: Result, width: int) -> 'list[Text]':
 
 
 def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int, units: Units, *,
-            verbose: bool) -> 'list[list[Text]]':
+            verbose: bool) -> list[list[Text]]:
     """Arrange the axes side by side in the widest layout that fits, or else the last."""
     # Whether with term names, a filter column, and intervals on separate lines.
     for named, tuned, tall in ((True, True, False), (False, True, False), (False, False, False),
@@ -105,10 +97,8 @@ def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int,
 
 
 def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, verbose: bool,
-           named: bool, tuned: bool, tall: bool) -> 'list[list[Text]]':
+           named: bool, tuned: bool, tall: bool) -> list[list[Text]]:
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
-    from rich.text import Text
-
     axes = axes_of(result, figures.sensor)
     quantity, si, rows = AXES[next(iter(axes))], units == 'si', []
     filters = {symbol: value for symbol, value, _ in figures.for_filter if tuned}
@@ -136,10 +126,8 @@ def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, ver
     return [[Text(word, 'bold') for word in heading], *rows] if rows else []
 
 
-def _cell(coefficient: Coefficient, *, si: bool, in_full: bool, tall: bool) -> 'Text':
+def _cell(coefficient: Coefficient, *, si: bool, in_full: bool, tall: bool) -> Text:
     """Return the value of an axis, with the interval beside it or, if `tall`, below it."""
-    from rich.text import Text
-
     value, *ends = reported(coefficient, si=si) or ('-',)
     if not ends or coefficient.ci95 is None:
         return Text.assemble((value, 'dim'))
@@ -150,10 +138,8 @@ def _cell(coefficient: Coefficient, *, si: bool, in_full: bool, tall: bool) -> '
     return Text.assemble((value, 'bold'), '\n' if tall else ' ', (interval, 'dim'))
 
 
-def _lines(cells: 'Sequence[Sequence[Text]]') -> 'list[Text]':
+def _lines(cells: Sequence[Sequence[Text]]) -> list[Text]:
     """Return the lines of a table, all columns but the first aligned at the right."""
-    from rich.text import Text
-
     widths = [max(len(part) for cell in column for part in cell.split('\n'))
               for column in zip(*cells, strict=True)]
     lines = []
