@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'analyze', help='characterize recordings',
+        'analyze', help='characterize recordings', usage='%(prog)s RECORDING... [options]',
         short='topic all-topics output together for rate start duration columns jobs '
               'units verbose',
         examples=('analyze imu_at_rest --output out',
@@ -74,7 +74,6 @@ def register(verbs: Any) -> None:
                          help='recordings to work on at a time (default: %(default)s)')
     workers.add_argument('--dask', metavar='ADDRESS',
                          help='work on a running Dask cluster, for instance tcp://host:8786')
-    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('recordings',), outputs={'json': RESULT, 'output': ''})
 
 

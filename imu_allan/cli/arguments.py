@@ -165,6 +165,7 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--rate', metavar='RATE', type=rate,
                         help='sample rate (100Hz, 2kHz) in place of the measured one; needed '
                              'for a CSV without a time column')
+    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     group = parser.add_argument_group('messages of other types, other units, two topics')
     group.add_argument('--definitions', metavar='PATH', nargs='+', default=[],
                        help='.msg files, or packages and workspaces with them, for a recording '

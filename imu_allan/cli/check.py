@@ -23,6 +23,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'check', help='compare with a datasheet: pass, fail or cannot tell',
+        usage='%(prog)s RESULT_OR_RECORDING --spec FILE [options]',
         short='spec min-duration allow-undecided live json junit certificate meta topic',
         examples=('check out --spec datasheet.yaml',
                   'check out --spec tactical_mems --min-duration 1h --junit a.xml',
@@ -54,7 +55,6 @@ def register(verbs: Any) -> None:
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
     arguments.add_recording_options(parser)
     arguments.add_timeline_options(parser)
-    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('source', 'spec'), outputs={
         'json': VERDICTS, 'junit': JUNIT, 'certificate': CERTIFICATE})
 

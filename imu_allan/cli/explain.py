@@ -14,7 +14,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'explain', help='what a finding means and what to do about it',
-        usage='imu_allan explain [CODE] [options]',
+        usage='%(prog)s [CODE] [options]',
         examples=('explain not_steady',),
         description='Say what a finding of a result means, how it is found, and what to do about '
                     'it. Without CODE all findings are listed.')

@@ -16,7 +16,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'export', help='write the configuration of a filter from a result',
-        usage='imu_allan export RESULT --for NAME [options]',
+        usage='%(prog)s RESULT --for NAME [options]',
         examples=('export out --for kalibr --output imu.yaml',
                   'export out --for vins --aiding 50ms',
                   'export --spec datasheet.yaml --for plain'),

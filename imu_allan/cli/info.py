@@ -24,7 +24,7 @@ _INDENT = 14
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'info', help='say what a recording holds',
+        'info', help='say what a recording holds', usage='%(prog)s RECORDING [options]',
         short='rate columns',
         examples=('info imu_at_rest',
                   'info log.csv --rate 200Hz'),
@@ -32,7 +32,6 @@ def register(verbs: Any) -> None:
                     'Every message is read, none is analyzed.')
     parser.add_argument('recording', metavar='RECORDING')
     add_recording_options(parser)
-    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('recording',))
 
 

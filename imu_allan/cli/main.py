@@ -85,18 +85,6 @@ class _Parser(argparse.ArgumentParser):
         examples = f'\nexamples:\n{self._examples}' if self._examples else ''
         return f'{self.format_usage()}\n{formatter.format_help()}{examples}'
 
-    def format_usage(self) -> str:
-        """Return one line with the required arguments, and a hint that there are options."""
-        if self._subparsers is not None or self.usage is not None:
-            return super().format_usage()
-        required = [action for action in self._actions
-                    if action.required or not action.option_strings]
-        words = [f'{action.option_strings[-1]} {action.metavar}' if action.option_strings
-                 else f'{action.metavar}...' if action.nargs == '+'
-                 else str(action.metavar) if action.required else f'[{action.metavar}]'
-                 for action in sorted(required, key=lambda action: bool(action.option_strings))]
-        return f'usage: {" ".join([self.prog, *words])} [options]\n'
-
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments; report an unknown one with the usage of its verb."""

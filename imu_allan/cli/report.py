@@ -16,6 +16,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'report', help='plots and an HTML report; several results are compared',
+        usage='%(prog)s RESULT... [options]',
         examples=('report out --output report',
                   'report monday tuesday --output compared'),
         description='Write an HTML report that works offline, and the plots. Several results '

@@ -20,6 +20,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'simulate', help='write a recording from a noise model file',
+        usage='%(prog)s MODEL [options]',
         examples=('simulate consumer_mems --output imu_at_rest',
                   'simulate my_imu.yaml --rate 1kHz --duration 3h --output night'),
         description='Write a rosbag2 recording of an IMU at rest with the noise of a model file. '

@@ -22,6 +22,7 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'tune', help='what a filter needs, and how far it can trust that',
+        usage='%(prog)s RESULT [options]',
         short='aiding coast bias verify json',
         examples=('tune out',
                   'tune out --aiding 50ms --coast 2m',
@@ -43,7 +44,6 @@ def register(verbs: Any) -> None:
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     add_recording_options(parser)
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON; - prints it')
-    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('result', 'verify'), outputs={'json': TUNING})
 
 
