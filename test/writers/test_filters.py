@@ -354,7 +354,8 @@ def test_a_file_for_an_autopilot_is_safe_to_load_as_it_is(consumer):
 @pytest.mark.parametrize('consumer', CONSUMERS)
 def test_every_config_says_where_it_comes_from_and_what_was_measured(consumer):
     text = export(EASY, consumer)
-    for part in ('imu_allan 0.1.0', 'rec/imu_2026', '/imu/data_raw', '1000000 samples', '400 Hz'):
+    for part in ('imu_allan 0.1.0', 'rec/imu_2026', '/imu/data_raw',
+                 '1,000,000 samples at 400 Hz'):
         assert part in text
     assert not re.search(r'np\.|\bnan\b|\binf\b', text)
     # Much is written above the numbers where much is to be said of them.

@@ -32,7 +32,7 @@ from imu_allan.finding_messages import trend_notes, why_left_out
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import known_less_than
 from imu_allan.tuning.tune import assess
-from imu_allan.wording import duration, is_table, ranged
+from imu_allan.wording import amount_of, duration, is_table, names_of, origin_of, ranged
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Scale, Sensor, SENSORS, times
 
@@ -228,27 +228,24 @@ def joined(lines: Sequence[str]) -> str:
 
 def provenance(numbers: Numbers) -> list[str]:
     """Return lines on the origin of the numbers and their expected performance."""
-    source, timeline = numbers.result.source, numbers.result.timeline
+    result = numbers.result
     lines = [f'IMU noise for {numbers.consumer.title}, by imu_allan '
-             f'{printable(numbers.result.imu_allan_version)} from']
+             f'{printable(result.imu_allan_version)} from']
     if numbers.of_datasheet:
-        lines += [f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
-                  'sensors as mounted are often worse.']
+        lines += [f'the DATASHEET {printable(result.source.path)}: nothing of it was measured, '
+                  'and sensors as mounted are often worse.']
         if any(one.of_flicker for own in numbers.coefficients.values() for one in own.values()):
             what = ('It has no K: filter K' if numbers.consumer.bias == 'random_walk' else
                     'It has no sigma and Tc: a process of sigma 1.08 B')
             lines += [f'{what} is as large as the flicker, 0.664 B, after '
                       f'{duration(numbers.coast_s)} unaided.']
-        lines += _inflated(numbers)
     else:
-        rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
-        known = [text.format(printable(value)) for text, value in (
-            ('{}', source.path), ('topic {}', source.topic), ('frame {}', source.frame_id),
-            ('of {}', source.start_time)) if value]
         expected = _consistency(numbers)
-        lines += [', '.join([*known, f'{timeline.samples} samples{rate} over '
-                                     f'{timeline.duration_s:.6g} s']),
+        lines += [', '.join([*names_of(result), *origin_of(result), amount_of(result.timeline)]),
                   *_choice(numbers, bool(expected)), *expected]
+    if inflate := sorted(numbers.options.inflate.items()):
+        factors = ', '.join(f'{key} times {factor:g}' for key, factor in inflate)
+        lines.append(f'INFLATED on request: {factors}.')
     return [*lines, *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
 
 
@@ -275,7 +272,7 @@ def _choice(numbers: Numbers, expected: bool) -> list[str]:
                      f'{duration(numbers.coast_s)} unaided.')
         lines += _beyond(numbers, 'the numbers are')
         lines += trend_notes(numbers.result)
-    return lines + _left_out(numbers) + _inflated(numbers)
+    return lines + _left_out(numbers)
 
 
 def _beyond(numbers: Numbers, what: str) -> list[str]:
@@ -301,13 +298,6 @@ def _left_out(numbers: Numbers) -> list[str]:
     each = ', '.join(f'{name} {law}' for name, law in laws.items())
     instead = '; tuned numbers have it in them' if numbers.options.as_measured else ''
     return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
-
-
-def _inflated(numbers: Numbers) -> list[str]:
-    """Return the factors that the user applied to the numbers."""
-    factors = ', '.join(f'{key} times {factor:g}' for key, factor
-                        in sorted(numbers.options.inflate.items()))
-    return [f'INFLATED on request: {factors}.'] if factors else []
 
 
 def _consistency(numbers: Numbers) -> list[str]:
