@@ -120,19 +120,6 @@ def _mark_powers(axis: Axis, limits: tuple[float, float] | None = None,
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value * factor)))
 
 
-def write_above(panel: Axes, rows: Sequence[Sequence[tuple[str, str]]]) -> None:
-    """Write rows of coloured texts above `panel`."""
-    from matplotlib.artist import Artist
-    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea, VPacker
-
-    packed: list[Artist] = [HPacker(children=[
-        TextArea(text, textprops={'color': colour, 'fontsize': 8, 'parse_math': False})
-        for text, colour in row], pad=0, sep=14) for row in rows if row]
-    panel.add_artist(AnchoredOffsetbox(
-        'lower left', child=VPacker(children=packed, pad=0, sep=2), frameon=False, pad=0,
-        borderpad=0.2, bbox_to_anchor=(0, 1), bbox_transform=panel.transAxes))
-
-
 def draw_curve(panel: Axes, axis: AxisResult, colour: str, marker: str = 'o',
                timeline: Timeline | None = None, dashes: Any = '-') -> None:
     """
@@ -298,22 +285,27 @@ def draw_density(panel: Axes, axis: AxisResult, timeline: Timeline, colour: str)
 
 def draw_signal(panel: Axes, axes: Mapping[str, AxisResult], result: Result) -> None:
     """Draw the means over time, gaps and excluded motion, and a known temperature."""
+    from matplotlib.artist import Artist
+    from matplotlib.patches import Patch
+
     colours, timeline = COLOURS, result.timeline
     scale, unit = curves.time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale
     panel.set_xlim(0, length)
     panel.set_xlabel(f'time [{unit}]', labelpad=1)
-    notes = []
-    for spans, name, colour in ((timeline.motion, 'motion, left out', colours['motion']),
-                                (timeline.gaps, 'gap', colours['gap'])):
+    notes: list[Artist] = []
+    gaps, motion = timeline.totals
+    for spans, all_spans, name in ((timeline.motion, motion, 'motion'),
+                                   (timeline.gaps, gaps, 'gap')):
         for span in spans[:2000]:
             # Keep short gaps visible, such as a second in a day.
             width = max(span.duration_s / scale, length * 1.5e-3)
-            panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
-                          linewidth=0)
+            panel.axvspan(span.start_s / scale, span.start_s / scale + width,
+                          color=colours[name], linewidth=0)
         if spans:
-            total = duration(sum(span.duration_s for span in spans))
-            notes.append((f'■ {len(spans)} × {name} ({total})', colour))
+            what = 'motion, left out' if name == 'motion' else name
+            notes.append(Patch(color=colours[name], label=(
+                f'{all_spans.count} × {what} ({duration(all_spans.duration_s)})')))
     moved = {name: curves.mean_over_time(axis) for name, axis in axes.items()}
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
@@ -323,18 +315,23 @@ def draw_signal(panel: Axes, axes: Mapping[str, AxisResult], result: Result) -> 
                        color=colours[name[-1]])
         panel.grid(True)
         panel.locator_params(axis='y', nbins=4)
-        heading = f'mean of each segment less the mean of all [{typeset(shown)}]', colours['ink']
+        heading = f'mean of each segment less the mean of all [{typeset(shown)}]'
+        colour = colours['ink']
     else:
         panel.set_yticks([])
         panel.set_facecolor(colours['good'])
         for side in ('top', 'left', 'right'):
             panel.spines[side].set_visible(False)
-        heading = f'recording of {duration(timeline.duration_s)}', colours['soft']
+        heading, colour = f'recording of {duration(timeline.duration_s)}', colours['soft']
     time, (_, warmth, _) = curves.over_time(result.temperature)
     if len(time):
         right = panel.twinx()
-        right.plot(time / scale, warmth, linewidth=1.2, linestyle=(0, (4, 2)),
-                   color=colours['soft'])
+        notes += right.plot(time / scale, warmth, linewidth=1.2, linestyle=(0, (4, 2)),
+                            color=colours['soft'], label='temperature [°C]')
         right.locator_params(axis='y', nbins=4)
-        notes.append(('- - temperature [°C]', colours['soft']))
-    write_above(panel, [[heading], notes])
+    panel.set_title(heading, loc='left', fontsize=8, fontweight='normal', color=colour,
+                    pad=15 if notes else 4)
+    if notes:
+        panel.legend(handles=notes, loc='lower left', bbox_to_anchor=(0, 1), ncol=len(notes),
+                     frameon=False, fontsize=8, borderpad=0, borderaxespad=0.2, handlelength=1.0,
+                     handletextpad=0.5, columnspacing=1.2)

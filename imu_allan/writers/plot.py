@@ -7,7 +7,7 @@ Each figure is one sheet, composed of the parts in `imu_allan.writers.panels`. O
 in colour; of many the population is shown, and outliers in colour.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 import io
 from typing import TYPE_CHECKING
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from imu_allan.fleet import Population
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.gridspec import GridSpec
     from matplotlib.lines import Line2D
 
 FORMATS = ('png', 'svg', 'pdf')
@@ -225,7 +224,9 @@ def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str
                        panels.SERIES if few else panels.SERIES[1:], strict=False))
     drawn = {name: axes for name in AXES if (axes := {
         unit: results[unit].axes[name] for unit in fleet.units if name in results[unit].axes})}
-    rows = max(1, len({name.partition('_')[0] for name in drawn}))
+    sensors = {sensor: [name for name in drawn if name.startswith(sensor)] for sensor in
+               dict.fromkeys(name.partition('_')[0] for name in drawn)}
+    rows = max(1, len(sensors))
     height = 0.9 + 3.7 * rows
     with panels.plot_style():
         # In this width, text of 8 points is 11 pixels high on the page.
@@ -240,17 +241,21 @@ def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str
                     'line: median · band: nine in ten units · in colour: outliers', fontsize=8.5,
                     va='center', color=panels.COLOURS['soft'])
         named: dict[str, Line2D] = {}
-        for name, panel in _panels_of(figure, grid, drawn):
-            axes = drawn[name]
-            if not few:
-                _draw_population(panel, [axis for unit, axis in axes.items()
-                                         if unit not in fleet.outlier_units])
-            for place, (unit, colour) in enumerate(colours.items()):
-                marker, dashes = 'os^Dv*P'[place], [*panels.DASHES.values()][place % 3]
-                if unit in axes:
-                    panels.draw_curve(panel, axes[unit], colour, marker, dashes=dashes)
-                    [named[unit]] = panel.plot([], [], color=colour, marker=marker,
-                                               linestyle=dashes, markersize=4.4)
+        for row, (sensor, own) in enumerate(sensors.items()):
+            limits = curves.limits_of([axis for name in own for axis in drawn[name].values()])
+            for column, name in enumerate(own):
+                axes, panel = drawn[name], figure.add_subplot(grid[row, column])
+                panels.frame(panel, sensor, limits, left=column == 0, right=column == len(own) - 1)
+                panel.set_title(wording.spoken(name), loc='left')
+                if not few:
+                    _draw_population(panel, [axis for unit, axis in axes.items()
+                                             if unit not in fleet.outlier_units])
+                for place, (unit, colour) in enumerate(colours.items()):
+                    marker, dashes = 'os^Dv*P'[place], [*panels.DASHES.values()][place % 3]
+                    if unit in axes:
+                        panels.draw_curve(panel, axes[unit], colour, marker, dashes=dashes)
+                        [named[unit]] = panel.plot([], [], color=colour, marker=marker,
+                                                   linestyle=dashes, markersize=4.4)
         # A legend, as names beside the curves would overlap; the places tell names apart that were
         # shortened to the same.
         names = [shorten(printable(name), 18) for name in named]
@@ -261,19 +266,6 @@ def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str
                       frameon=False, fontsize=8, borderpad=0, handlelength=1.8, handletextpad=0.5,
                       columnspacing=1.4)
         return figure
-
-
-def _panels_of(figure: 'Figure', grid: 'GridSpec', drawn: Mapping[str, Mapping[str, AxisResult]]
-               ) -> 'Iterator[tuple[str, Axes]]':
-    """Yield every axis with its panel: one row per sensor, with a common scale."""
-    for row, sensor in enumerate(dict.fromkeys(name.partition('_')[0] for name in drawn)):
-        names = [name for name in drawn if name.startswith(sensor)]
-        limits = curves.limits_of([axis for name in names for axis in drawn[name].values()])
-        for column, name in enumerate(names):
-            panel = figure.add_subplot(grid[row, column])
-            panels.frame(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)
-            panel.set_title(name.replace('_', ' '), loc='left')
-            yield name, panel
 
 
 def _draw_population(panel: 'Axes', axes: Sequence[AxisResult]) -> None:

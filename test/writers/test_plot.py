@@ -8,9 +8,10 @@ import xml.etree.ElementTree as ElementTree
 from exact_results import axis_result, with_axes
 import imu_allan
 from imu_allan.finding import Finding
-from imu_allan.result import Curve, Signal, Source, Span, Timeline
+from imu_allan.result import Curve, Signal, Source, Span, Timeline, Total
 from imu_allan.writers import charts, curves, plot
 from imu_allan.writers.fleet import Fleet
+from imu_allan.writers.report import report_html
 from imu_allan.writers.svg import power_text
 import matplotlib
 from matplotlib.text import Text
@@ -49,6 +50,16 @@ def test_no_text_lies_over_another_or_beyond_the_edge(result):
             assert not [other for other, of in boxes[place + 1:] if (
                 min(box.x1, of.x1) - max(box.x0, of.x0) > 1
                 and min(box.y1, of.y1) - max(box.y0, of.y0) > 1)], text
+
+
+def test_picture_and_page_count_gaps_and_motion_that_are_not_listed(result):
+    many = replace(result, timeline=replace(
+        result.timeline, all_gaps=Total(5000, 9000.0), all_motion=Total(1200, 3600.0)))
+    assert {*texts_of(plot.overview_figure(many))} >= {
+        '5000 × gap (2 h 30 min)', '1200 × motion, left out (60 min)'}
+    page = report_html(many)
+    assert '5000 × gaps without samples, 2 h 30 min in all' in page
+    assert '1200 × motion or knocks, left out, 60 min in all' in page
 
 
 def test_left_is_the_unit_of_the_table_right_si_and_the_numbers_are_round(result):
