@@ -26,9 +26,10 @@ import time
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages
+from imu_allan.cdr import batches_of
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.recordings.messages.imus_in import IMU_MESSAGES
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import load_model, NoiseModel
 from imu_allan.sensor.units import engineering
@@ -219,6 +220,7 @@ class Bystander:
         def malformed(_: int, error: Exception) -> None:
             raise error
 
+        decode = IMU_MESSAGES.decoder()
         recorded = newest_ns = 0
         deadline = float('inf')
         while time.monotonic() < deadline:
@@ -227,8 +229,7 @@ class Bystander:
                 raise ImuAllanError(f'the node ended with status {node.returncode}')
             batch = self._samples.take()
             if batch.messages:
-                for block in blocks_from_messages(
-                        batch.messages, batch.receive_ns, malformed):
+                for block in decode(batches_of(batch.messages, batch.receive_ns), malformed):
                     yield block
                     newest_ns = int(block.header_ns[-1])
                 recorded += len(batch.messages)

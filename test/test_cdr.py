@@ -1,13 +1,15 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The decoder of sensor_msgs/Imu, held against rosbags and against its own encoder."""
+"""The encoder of sensor_msgs/Imu and its decoder, held against rosbags and each other."""
 
 from itertools import pairwise
 
-from bags import assert_same, block, raise_malformed
+from bags import assert_same, block, raise_malformed, serialized
 from hypothesis import given, settings, strategies as st
 from imu_allan import cdr
-from imu_allan.cdr import blocks_from_messages, decode_imu_rows, encode_imu_rows
+from imu_allan.cdr import batches_of, encode_imu_rows, IMU_TYPE
+from imu_allan.recordings import RecordingOptions
+from imu_allan.recordings.messages.imus_in import imus_in
 from imu_messages import encode_imu
 import numpy as np
 import pytest
@@ -15,43 +17,53 @@ from rosbags.typesys import get_typestore, Stores
 from whole_lines import refused
 
 FRAMES = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=40)
-SERIALIZATIONS = st.sampled_from([('cdr', '<'), ('cdr', '>'), ('ros1', '<')])
+STORE = get_typestore(Stores.ROS2_JAZZY)
 MESSAGE = encode_imu(5, np.arange(6.), 'imu')
 
 
+def blocks_of(messages, receive_ns, serialization='cdr'):
+    [known] = imus_in('', IMU_TYPE, serialization, None, RecordingOptions()).values()
+    return known.decoder()(batches_of(messages, receive_ns), raise_malformed)
+
+
 def decoded(message):
-    [after] = blocks_from_messages([message], np.zeros(1, np.int64), raise_malformed)
+    [after] = blocks_of([message], np.zeros(1, np.int64))
     return after
 
 
-@given(FRAMES, SERIALIZATIONS, st.integers(1, 20), st.integers(-2**31, 2**31 - 1),
-       st.integers(0, 10**9 - 1), st.lists(st.floats(width=64), min_size=6, max_size=6))
-def test_decoding_gives_every_bit_back(frame_id, serialization, count, sec, nanosec, sample):
+@given(FRAMES, st.sampled_from(['cdr', 'big-endian', 'ros1']), st.integers(1, 20),
+       st.integers(-2**31, 2**31 - 1), st.integers(0, 10**9 - 1),
+       st.lists(st.floats(width=64), min_size=6, max_size=6))
+def test_decoding_gives_every_bit_back(frame_id, form, count, sec, nanosec, sample):
     before = block(count, frame_id)
     before.absent[::2, 0] = before.absent[::3, 1] = True
-    before.header_ns[0] = (sec if serialization[0] == 'cdr' else abs(sec)) * 10**9 + nanosec
+    before.header_ns[0] = (sec if form != 'ros1' else sec % 2**31) * 10**9 + nanosec
     before.samples[0] = sample
-    rows = encode_imu_rows(before, *serialization)
-    [after] = decode_imu_rows(rows, before.receive_ns, serialization[0], raise_malformed)
+    serialization = 'ros1' if form == 'ros1' else 'cdr'
+    messages = [message for _, message in serialized(before, serialization)]
+    if form == 'big-endian':
+        messages = [bytes(STORE.serialize_cdr(
+            STORE.deserialize_cdr(message, IMU_TYPE), IMU_TYPE, little_endian=False))
+            for message in messages]
+    [after] = blocks_of(messages, before.receive_ns, serialization)
     assert_same(before, after)
 
 
 @pytest.mark.parametrize('little_endian', [True, False])
 @pytest.mark.parametrize('frame_id', ['', 'imu', 'ä°'])
 def test_agrees_with_rosbags(frame_id, little_endian):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types = store.types
+    types = STORE.types
     vector, covariance = types['geometry_msgs/msg/Vector3'], np.arange(9) / 7
     message = types['sensor_msgs/msg/Imu'](
         types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](-5, 6), frame_id),
         types['geometry_msgs/msg/Quaternion'](.1, .2, .3, .4), covariance,
         vector(1., 2., 3.), np.full(9, -1.), vector(4., 5., 6.), covariance)
-    raw = bytes(store.serialize_cdr(message, 'sensor_msgs/msg/Imu', little_endian=little_endian))
+    raw = bytes(STORE.serialize_cdr(message, 'sensor_msgs/msg/Imu', little_endian=little_endian))
     after = decoded(raw)
     assert (after.header_ns.tolist(), after.samples.tolist(), after.absent.tolist(),
             after.frame_id) == (
         [-5 * 10**9 + 6], [[1., 2., 3., 4., 5., 6.]], [[True, False]], frame_id)
-    back = store.deserialize_cdr(
+    back = STORE.deserialize_cdr(
         encode_imu(-5 * 10**9 + 6, after.samples[0], frame_id, (True, False)),
         'sensor_msgs/msg/Imu')
     assert (back.header, back.angular_velocity, back.linear_acceleration) == (
@@ -64,7 +76,7 @@ def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
     parts = [block(1, frame, first) for first, frame in enumerate(frames)]
     messages = [encode_imu_rows(part).tobytes() for part in parts]
     receive = np.arange(len(parts), dtype=np.int64)
-    blocks = blocks_from_messages(messages, receive, raise_malformed)
+    blocks = blocks_of(messages, receive)
     assert [frame for item in blocks for frame in [item.frame_id] * len(item)] == frames
     assert np.concatenate([item.receive_ns for item in blocks] or [receive]).tolist() == (
         receive.tolist())
@@ -78,12 +90,12 @@ def test_padding_to_four_bytes_behind_a_message_is_tolerated():
 
 
 @pytest.mark.parametrize(('message', 'reason'), [
-    (b'', '0 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
-    (MESSAGE[:-1], '315 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
-    (MESSAGE + bytes(4), '320 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
+    (b'', '0 bytes are too few for a message'),
+    (MESSAGE[:-1], '315 bytes are too few for its type, which takes 316 or more'),
+    (MESSAGE + bytes(8), f'324 bytes are not a message of type {IMU_TYPE}, which takes 316'),
     (b'\0\7' + MESSAGE[2:], 'encapsulation 0x0007 is not plain CDR'),
     (MESSAGE[:12] + b'\xff' * 4 + MESSAGE[16:],
-     '316 bytes are not a sensor_msgs/Imu message whose frame_id has 4294967295 bytes'),
+     '316 bytes are too few for its type, which takes 4294967311 or more'),
 ])
 def test_what_is_no_imu_message_is_refused_with_its_reason(message, reason):
     with refused(reason, cdr.MalformedImu):

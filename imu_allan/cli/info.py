@@ -140,7 +140,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     except ImuAllanError as error:
         failure = str(error)
     messages = recording.imu(topic).messages
-    rows = [] if messages.fields is None else [('read as', messages.reported())]
+    rows = [('read as', messages.reported())] if messages.fields.what else []
     rows.append(('messages', f'{count:,}'))
     if failure:
         rows.append(('unusable', failure))

@@ -19,13 +19,15 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.block import Half, ImuBlock
-from imu_allan.cdr import batches_of, blocks_from_messages, IMU_TYPE, MalformedImu, OnMalformed
+from imu_allan.cdr import batches_of, IMU_TYPE, MalformedImu, OnMalformed
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.log import Log, LogOfChanges
 from imu_allan.node.parameters import TOPIC
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
+from imu_allan.recordings.messages.imus_in import imu_messages
+from imu_allan.recordings.options import RecordingOptions
 from imu_allan.wording import counted
 import numpy as np
 from rclpy.node import Node
@@ -211,11 +213,6 @@ def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Dec
              if half is None or part in (half, 'stamp')}
     asked |= {name: values[name] for name in ('gyro_unit', 'accel_unit')}
     given: dict[str, Any] = {name: text for name, text in asked.items() if text}
-    if type_name == IMU_TYPE and not given:
-        return blocks_from_messages
-    # Imported late: most nodes read sensor_msgs/Imu and do not need these.
-    from imu_allan.recordings.messages.imus_in import imu_messages
-    from imu_allan.recordings.options import RecordingOptions
     try:
         decode = imu_messages(type_name, types_of(type_name),
                               options=RecordingOptions(**given)).decoder()

@@ -16,12 +16,13 @@ import tempfile
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import IMU_TYPE, MalformedImu, Serialization
+from imu_allan.cdr import MalformedImu, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding import CODES, Finding, finding
 from imu_allan.recordings.messages.decoder import ImuMessages
-from imu_allan.recordings.messages.definitions import Definition, normal_name
+from imu_allan.recordings.messages.definitions import Definition, normal_name, Types
 from imu_allan.recordings.messages.imus_in import (
+    IMU_MESSAGES,
     IMU_TYPES,
     imus_in,
     may_hold_imu,
@@ -51,7 +52,7 @@ class ImuTopic:
 
     name: str
     count: int | None
-    messages: ImuMessages = ImuMessages(IMU_TYPE)  # noqa: RUF009
+    messages: ImuMessages = IMU_MESSAGES
     source: str = ''
 
     @property
@@ -170,7 +171,7 @@ class Recording(ABC):
 
     def list_topic(
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
-        definition: Definition | None,
+        definition: Definition | Types | None,
     ) -> bool:
         """Add a topic to `topics` and return True if it holds an IMU, else to `other_topics`."""
         found: dict[str, ImuMessages] = {}
@@ -196,10 +197,10 @@ class Recording(ABC):
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Add the temperature that the messages of an Imu topic contain, if any."""
         fields = imu.messages.fields
-        if fields is not None and (thermometer := fields.thermometer()) is not None:
+        if (thermometer := fields.thermometer()) is not None:
             self.thermometers.append(ImuTopic(
                 f'{imu.name}:{fields.temperature}', imu.count,
-                replace(imu.messages, fields=thermometer, factors=(1.0, 1.0)), imu.topic))
+                replace(imu.messages, fields=thermometer), imu.topic))
 
     def remark(self, code: str, *, lost_share: float = 0.0, **values: Any) -> None:
         """Add a finding unless it is already there, one to act upon if most is lost by it."""

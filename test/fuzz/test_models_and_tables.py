@@ -5,10 +5,11 @@
 from functools import partial
 from pathlib import Path
 
-from imu_allan.cdr import blocks_from_messages
+from imu_allan.cdr import batches_of
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding_messages import message_of
 from imu_allan.noise.terms import AXES
+from imu_allan.recordings.messages.imus_in import IMU_MESSAGES
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.timeline import TimelineStage
 from imu_messages import encode_imu
@@ -80,14 +81,14 @@ def messages(choice):
 
 def judge_messages(choice):
     batch = messages(choice)
-    single, reasons = [], []
+    single, reasons, decode = [], [], IMU_MESSAGES.decoder()
     for message in batch:
-        single += blocks_from_messages(
-            [message], np.zeros(1, np.int64), lambda _, error: reasons.append(str(error)))
+        single += decode(batches_of([message], np.zeros(1, np.int64)),
+                         lambda _, error: reasons.append(str(error)))
     assert all(map(str.isprintable, reasons))
     receive_ns = np.arange(len(batch), dtype=np.int64) * 10**7 + 10**18
     refused = []
-    found = blocks_from_messages(batch, receive_ns, lambda count, _: refused.append(count))
+    found = decode(batches_of(batch, receive_ns), lambda count, _: refused.append(count))
     assert sum(refused) + len(single) == len(batch)
     stamps = [stamp for block in found for stamp in block.header_ns.tolist()]
     assert stamps == [stamp for block in single for stamp in block.header_ns.tolist()]

@@ -5,7 +5,8 @@ from pathlib import Path
 import time
 
 import imu_allan
-from imu_allan.cdr import blocks_from_messages
+from imu_allan.cdr import batches_of
+from imu_allan.recordings.messages.imus_in import IMU_MESSAGES
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
@@ -28,8 +29,8 @@ class Recording:
 
     def __len__(self):
         batch = self._subscription.take()
-        self.blocks += blocks_from_messages(
-            batch.messages, batch.receive_ns, lambda _, error: pytest.fail(str(error)))
+        self.blocks += IMU_MESSAGES.decoder()(
+            batches_of(batch.messages, batch.receive_ns), lambda _, error: pytest.fail(str(error)))
         return sum(map(len, self.blocks))
 
     def __getattr__(self, part):

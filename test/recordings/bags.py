@@ -115,11 +115,19 @@ def mcap_written(path: Path, profile: str = 'ros2', **options: Any,
         writer.finish()
 
 
+def _as_ros1(row: bytes) -> bytes:
+    """Pack the fields, without a null byte after the text, and begin with a number."""
+    length = int.from_bytes(row[12:16], 'little') - 1
+    return bytes(4) + row[4:12] + struct.pack('<I', length) + row[16:16 + length] + row[-8 * 37:]
+
+
 def serialized(messages: ImuBlock, serialization: Serialization = 'cdr',
                ) -> Iterator[tuple[int, bytes]]:
     """Give the receive stamp and the bytes of each message."""
-    return zip(messages.receive_ns.tolist(), map(bytes, encode_imu_rows(messages, serialization)),
-               strict=True)
+    rows: Iterable[bytes] = map(bytes, encode_imu_rows(messages))
+    if serialization == 'ros1':
+        rows = map(_as_ros1, rows)
+    return zip(messages.receive_ns.tolist(), rows, strict=True)
 
 
 def write_mcap(

@@ -1,12 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Logs of autopilots: records of numbers, decoded with the code for messages.
+Logs of autopilots: records of numbers, packed like the messages of ROS 1 and decoded as such.
 
-PX4 logs (.ulg) are read one megabyte at a time. Their IMU topics have the fields of px4_msgs, so
-they are read as `imu_allan.recordings.messages.imu_fields.KNOWN` specifies. In ArduPilot dataflash
-logs (.bin) the pymavlink library locates all messages and parses their formats; IMU messages are
-then gathered as arrays.
+PX4 logs (.ulg) are read one megabyte at a time. Their IMU topics have the fields of px4_msgs. In
+ArduPilot dataflash logs (.bin) the pymavlink library locates all messages and parses their
+formats. Which fields hold samples is in `imu_allan.recordings.messages.imu_fields.KNOWN`.
 
 References
 ----------
@@ -14,55 +13,106 @@ PX4 Guide, ULog File Format: a header of 16 bytes, then messages with size, type
 (F) define the fields of a topic, subscriptions (A) assign its number, and data (D) begin with that
 number. Reading resumes after damage at synchronization messages (S), which occur now and then.
 
-ArduPilot, libraries/AP_InertialSensor/LogStructure.h: ACC, GYR and IMU are in SI units, stamped in
-microseconds since start.
-
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 import os
 from pathlib import Path
 import re
 from struct import Struct
 import sys
-from typing import Any
+from typing import ClassVar
 
 from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import record_of
+from imu_allan.cdr import collect, MessageBatch
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.messages.decoder import extract, ImuMessages, time_of
-from imu_allan.recordings.messages.imu_fields import ImuFields, KNOWN, Stamp, Vector
+from imu_allan.recordings.messages.decoder import ImuMessages
+from imu_allan.recordings.messages.definitions import Field, field_of
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
+from imu_allan.recordings.recording import FileRecording, MalformedMessages
 import numpy as np
 from numpy.typing import NDArray
 
-Records = NDArray[np.void]
+Rows = NDArray[np.uint8]
+"""Records of one topic and format, shape (n, size)."""
 
 
-class TableLog(FileRecording):
-    """The log of an autopilot."""
+class _Pace:
+    """Rate of the samples of an IMU, found while its log is opened."""
 
-    def list_imus(self, imus: Sequence[tuple[ImuTopic, float]], partner: Mapping[str, str],
-                  advice: str) -> None:
+    def __init__(self, messages: ImuMessages) -> None:
+        self.decode, self.malformed = messages.decoder(), MalformedMessages()
+        self.messages = self._steps = self._time_ns = 0
+        self._last_ns: int | None = None
+
+    def see(self, rows: Rows) -> None:
+        """Count the samples of some records, and the time between them."""
+        self.messages += len(rows)
+        for block in self.decode([_batch(rows)], self.malformed):
+            stamps = block.header_ns
+            steps = np.diff(stamps, prepend=stamps[0] if self._last_ns is None else self._last_ns)
+            # Between two flights, ArduPilot pauses.
+            steps = steps[(steps > 0) & (steps < 10_000_000_000)]
+            self._steps, self._time_ns = self._steps + len(steps), self._time_ns + int(steps.sum())
+            self._last_ns = int(stamps[-1])
+
+    @property
+    def hz(self) -> float:
+        """Return the samples per second, without pauses."""
+        return self._steps * 1e9 / self._time_ns if self._time_ns else 0.0
+
+
+def _size(fields: Iterable[Field]) -> int:
+    """Return the bytes of some numbers and arrays."""
+    return sum(int(one.kind[1:]) * (one.count or 1) for one in fields)
+
+
+def _batch(rows: Rows) -> MessageBatch:
+    return MessageBatch(rows, np.zeros(len(rows), np.int64))
+
+
+class AutopilotLog(FileRecording):
+    """The log of an autopilot, whose topics are numbered from the second of a kind on: GYR.1."""
+
+    _kinds: ClassVar[Mapping[str, str]]
+    """Type of the messages, by topic without number."""
+
+    @abstractmethod
+    def _tables(self, kinds: Iterable[str]) -> Iterator[tuple[str, tuple[Field, ...], Rows, int]]:
+        """Gather records of some kinds; yield topic, fields, records and bytes consumed."""
+
+    def _list_imus(self, partner: Mapping[str, str], advice: str) -> None:
         """
-        Add IMUs, given with their rates in Hz, or note why one is not read and what to do.
+        List IMUs, or note why one is not read and what to do.
 
         Preferred is the fastest one, or the fastest gyroscope with its `partner`.
         """
+        paces: dict[str, _Pace | None] = {}
+        for name, fields, rows, _ in self._tables(self._kinds):
+            if name not in paces:
+                kind = self._kinds[name.partition('.')[0]]
+                listed = self.list_topic(name, kind, 'ros1', None, {kind: fields})
+                paces[name] = _Pace(self.imu(name).messages) if listed else None
+            if (pace := paces[name]) is not None:
+                pace.see(rows)
+        listed_imus, self.topics = self.topics, []
         rates: dict[str, float] = {}
-        for imu, rate_hz in imus:
+        for imu in listed_imus:
+            pace = paces[imu.name]
+            assert pace is not None
             # No IMU is this slow; such messages are only for monitoring.
-            if rate_hz < 20.0:
-                self.reasons[imu.name] = f'{rate_hz:.3g} Hz are too thin; {advice}'
+            if pace.hz < 20.0:
+                self.reasons[imu.name] = pace.malformed.reason or (
+                    f'{pace.hz:.3g} Hz are too thin; {advice}' if imu.messages.fields.stamps
+                    else 'its messages have no time')
                 self.other_topics[imu.name] = imu.messages.type_name
             else:
-                self.topics.append(imu)
-                rates[imu.name] = rate_hz
+                self.topics.append(replace(imu, count=pace.messages))
+                rates[imu.name] = pace.hz
         choices: list[tuple[str, ...]] = []
         for name in rates:
             base, dot, number = name.partition('.')
@@ -73,120 +123,48 @@ class TableLog(FileRecording):
                 choices.append((name,))
         self.preferred = max(choices, key=lambda names: rates[names[0]], default=())
 
-    @abstractmethod
-    def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a recorded topic; yield its name, records and bytes consumed."""
-
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks with the bytes consumed so far; the stamps serve as receive times."""
         imu = self.imu(topic)
-        fields = imu.messages.fields
-        assert fields is not None
-        malformed = MalformedMessages()
-        for name, records, position in self.tables_of(imu.topic):
+        decode, malformed = imu.messages.decoder(), MalformedMessages()
+        for name, _, rows, position in self._tables([imu.topic.partition('.')[0]]):
             if name == imu.topic:
-                # The timeline rejects values of a damaged log that are not finite.
-                with np.errstate(invalid='ignore', over='ignore'):
-                    columns = extract(fields, (), records, _times_of(records, fields), malformed)
-                    samples = columns['samples'] * np.repeat(imu.messages.factors, 3)
-                times = columns['receive_ns']
-                yield ImuBlock(times, times, samples, columns['absent'], ''), position
+                for block in decode([_batch(rows)], malformed):
+                    yield replace(block, receive_ns=block.header_ns), position
         malformed.report(imu, self.remark)
-
-
-def _lacking(layout: np.dtype[Any], fields: ImuFields, *others: str) -> str | None:
-    """Return the first required field that is missing or not numeric; None if all are there."""
-    needed = [*others, *sorted(fields.needed())]
-    if _stamp(layout, fields) is None:
-        needed.append(fields.stamps[-1].path)
-    shapes = {name: kind.shape for name, (kind, *_) in (layout.fields or {}).items()
-              if kind.base.kind not in 'SV'}
-    bursts = [path for _, vector in fields.vectors() for path in vector.paths
-              if fields.burst is not None]
-    # Those of a burst are arrays of one length.
-    length = shapes.get(bursts[0]) or None if bursts else None
-    return next((name for name in needed if name not in shapes
-                 or shapes[name] != (length if name in bursts else ())), None)
-
-
-def _has_temperature(layout: np.dtype[Any], fields: ImuFields) -> bool:
-    """Return whether records hold the temperature, as a number."""
-    thermometer = fields.thermometer()
-    return thermometer is not None and _lacking(layout, thermometer) is None
-
-
-def _stamp(layout: np.dtype[Any], fields: ImuFields) -> Stamp | None:
-    return next((stamp for stamp in fields.stamps if stamp.path in (layout.names or ())), None)
-
-
-def _times_of(records: Records, fields: ImuFields) -> Ints:
-    """Return the stamps of records in nanoseconds."""
-    stamp = _stamp(records.dtype, fields)
-    assert stamp is not None
-    return time_of(records, stamp)
-
-
-def _records(content: NDArray[np.uint8], starts: Ints, layout: np.dtype[Any]) -> Records:
-    """Copy the records that begin at some places of a file."""
-    rows = content[starts[:, np.newaxis] + np.arange(layout.itemsize)]
-    records: Records = rows.view(layout)[:, 0]
-    return records
 
 
 # --------------------------------------------------------------------------------------------- PX4
 
-_TYPES = {
-    'sensor_combined': 'SensorCombined', 'vehicle_imu': 'VehicleImu',
-    'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
-    'sensor_gyro_fifo': 'SensorGyroFifo', 'sensor_accel_fifo': 'SensorAccelFifo'}
 _FILE_HEAD = 16
 """Bytes of the file header: magic, version, time."""
 
 
-class UlogRecording(TableLog):
+class UlogRecording(AutopilotLog):
     """A PX4 log."""
+
+    _kinds: ClassVar = {topic: f'px4_msgs/msg/{name}' for topic, name in (
+        ('sensor_combined', 'SensorCombined'), ('vehicle_imu', 'VehicleImu'),
+        ('sensor_gyro', 'SensorGyro'), ('sensor_accel', 'SensorAccel'),
+        ('sensor_gyro_fifo', 'SensorGyroFifo'), ('sensor_accel_fifo', 'SensorAccelFifo'))}
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        # By topic: messages, samples, times of the first and the last, and layout.
-        seen: dict[str, tuple[int, int, int, int, np.dtype[Any]]] = {}
-        reader = _LogReader(set(_TYPES))
-        for name, records, _ in self._tables(reader):
-            fields = KNOWN[_type_of(name)]
-            times = _times_of(records, fields)
-            messages, samples, first, *_ = seen.get(name, (0, 0, int(times[0])))
-            samples += len(records) if fields.burst is None else int(
-                records[fields.burst.samples].astype(np.int64).sum())
-            seen[name] = messages + len(records), samples, first, int(times[-1]), records.dtype
-        self.reasons |= reader.reasons
-        self.other_topics |= {name: _type_of(name) for name in reader.reasons}
-        if reader.damaged:
-            self.remark('damaged_recording', fault='bytes', bytes=reader.damaged,
-                        lost_share=reader.damaged / self.size_bytes)
-        if reader.left:
-            self.remark('truncated_recording', fault='log', bytes=reader.left,
-                        lost_share=reader.left / self.size_bytes)
-        imus = []
-        for name, (messages, samples, first, last, layout) in seen.items():
-            fields = KNOWN[_type_of(name)]
-            imu = ImuTopic(name, messages, ImuMessages(
-                _type_of(name), factors=options.factors, fields=replace(
-                    fields, what='as logged',
-                    temperature=fields.temperature if _has_temperature(layout, fields) else None)))
-            imus.append((imu, (samples - 1) * 1e9 / (last - first) if last > first else 0.0))
-            self.list_own_thermometer(imu)
+        self._damaged = self._left = 0
         # By default PX4 logs sensor_gyro at 1 Hz and vehicle_imu at 2 Hz.
-        self.list_imus(
-            imus, {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'},
+        self._list_imus(
+            {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'},
             'set SDLOG_PROFILE in the autopilot (bit 4: high rate; bits 8 and 9: FIFOs of '
             'gyroscope and accelerometer) and record again')
+        if self._damaged:
+            self.remark('damaged_recording', fault='bytes', bytes=self._damaged,
+                        lost_share=self._damaged / self.size_bytes)
+        if self._left:
+            self.remark('truncated_recording', fault='log', bytes=self._left,
+                        lost_share=self._left / self.size_bytes)
 
-    def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a topic and of its other instances."""
-        yield from self._tables(_LogReader({topic.partition('.')[0]}))
-
-    def _tables(self, reader: '_LogReader') -> Iterator[tuple[str, Records, int]]:
-        """Gather messages; yield topic name, records and bytes consumed."""
+    def _tables(self, kinds: Iterable[str]) -> Iterator[tuple[str, tuple[Field, ...], Rows, int]]:
+        reader = _LogReader({*kinds})
         with self._stored.open('rb') as file:
             at, rest = file.seek(_FILE_HEAD), b''
             # A megabyte holds some 10,000 messages, and is larger than any single one.
@@ -194,34 +172,38 @@ class UlogRecording(TableLog):
                 at += len(more)
                 data = rest + more
                 rest = data[reader.through(data):]
-                for name, table in reader.extract(data):
-                    yield name, table, at
-            reader.left = len(rest)
+                for found in reader.extract(data):
+                    yield (*found, at)
+        self._damaged, self._left = reader.damaged, len(rest)
 
 
-def _type_of(topic: str) -> str:
-    return f'px4_msgs/msg/{_TYPES[topic.partition(".")[0]]}'
+@dataclass
+class _Subscription:
+    """A topic, the fields of its records, their size, and where the latest ones begin."""
+
+    topic: str
+    fields: tuple[Field, ...]
+    size: int
+    starts: list[int] = field(default_factory=list)
 
 
 class _LogReader:
-    """Locates the messages of some topics, and learns their layouts, while a log is read."""
+    """Locates the records of some topics while a log is read."""
 
     def __init__(self, names: set[str]) -> None:
-        self.reasons: dict[str, str] = {}
-        self.damaged = self.left = 0
+        self.damaged = 0
         self._names = names
-        self._sizes: dict[int, int] = {}
         self._formats: dict[str, str] = {}
-        # By number: topic, layout, and the places of its data; then those of former numbers.
-        self._found: dict[int, tuple[str, np.dtype[Any], list[int]]] = {}
-        self._former: list[tuple[str, np.dtype[Any], list[int]]] = []
+        self._found: dict[int, _Subscription] = {}
+        # Those whose number another has taken over.
+        self._former: list[_Subscription] = []
 
     def through(self, data: bytes) -> int:
         """Step through messages; return the offset of the first incomplete one."""
         at, size = 0, len(data)
         # Size, type, and the first two bytes of the body, which in data are the number of the
         # topic.
-        unpack, sizes = Struct('<HBH').unpack_from, self._sizes
+        unpack = Struct('<HBH').unpack_from
         sync = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
         while at + 5 <= size:
             length, kind, number = unpack(data, at)
@@ -237,9 +219,9 @@ class _LogReader:
             if after > size:
                 break
             if kind == 68:  # D
-                if number in sizes:
-                    if length >= sizes[number]:
-                        self._found[number][2].append(at + 5)
+                if (found := self._found.get(number)) is not None:
+                    if length >= 2 + found.size:
+                        found.starts.append(at + 5)
                     else:
                         self.damaged += length + 3
             elif kind == 70:  # F
@@ -252,115 +234,77 @@ class _LogReader:
             at = after
         return at
 
-    def extract(self, data: bytes) -> Iterator[tuple[str, Records]]:
-        """Yield the records found so far, by topic."""
-        content = np.frombuffer(data, np.uint8)
+    def extract(self, data: bytes) -> Iterator[tuple[str, tuple[Field, ...], Rows]]:
+        """Yield the records found so far, by topic, with their fields."""
         former, self._former = self._former, []
-        for name, layout, places in (*former, *self._found.values()):
-            starts = np.asarray(places, np.int64)
-            places.clear()
+        for found in (*former, *self._found.values()):
+            starts = np.array(found.starts, np.int64)
+            found.starts.clear()
             if len(starts):
-                yield name, _records(content, starts, layout)
+                yield found.topic, found.fields, collect(data, starts, found.size)
 
     def _subscribe(self, body: bytes) -> None:
-        """Start collecting the data of a topic if it is wanted and has the required fields."""
+        """Start collecting the data of a topic if it is wanted."""
         name = body[3:].decode(errors='replace')
         number = int.from_bytes(body[1:3], 'little')
         if name not in self._formats:
             self.damaged += len(body) + 3
             return
-        if self._sizes.pop(number, None) is not None:
-            # Another subscription has taken over the number.
+        if number in self._found:
             self._former.append(self._found.pop(number))
-        if name not in self._names:
-            return
-        layout = _layout(self._formats[name])
-        full = f'{name}.{body[0]}' if body[0] else name
-        # Every PX4 topic has a timestamp.
-        if (lack := _lacking(layout, KNOWN[_type_of(name)], 'timestamp')) is not None:
-            self.reasons[full] = f'its format has no field {lack}'
-            return
-        self._sizes[number] = 2 + layout.itemsize
-        self._found[number] = full, layout, []
+        if name in self._names:
+            fields = _fields(self._formats[name])
+            self._found[number] = _Subscription(
+                f'{name}.{body[0]}' if body[0] else name, fields, _size(fields))
 
 
-def _layout(text: str) -> np.dtype[Any]:
-    """
-    Return the message layout up to the first field that is not a number; IMUs have none.
-
-    Each element of an array is one more field, such as ``name[0]`` for the first.
-    """
-    codes = {
-        'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
-        'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
-        'bool': '?', 'char': 'S1'}
-    fields: dict[str, tuple[Any, int]] = {}
-    at = size = 0
+def _fields(text: str) -> tuple[Field, ...]:
+    """Return the fields of a format up to the first that is not a number; IMUs have none."""
+    fields: list[Field] = []
     for written in text.split(';'):
-        field = re.fullmatch(r'(\w+)(?:\[(\d{1,4})\])? (\w+)', written)
-        if field is None or field[1] not in codes or field[3] in fields:
+        found = re.fullmatch(r'(\w+?)(?:_t)?(?:\[([1-9]\d{0,3})\])? (\w+)', written)
+        if found is None:
             break
-        number, name = np.dtype(codes[field[1]]), field[3]
-        kind = np.dtype((number, (int(field[2]),))) if field[2] else number
-        # Trailing padding is not logged.
-        if not name.startswith('_padding'):
-            fields[name] = kind, at
-            fields |= {f'{name}[{place}]': (number, at + place * number.itemsize)
-                       for place in range(int(field[2] or 0))}
-            size = at + kind.itemsize
-        at += kind.itemsize
-    return record_of(fields, size)
+        kind = {'float': 'float32', 'double': 'float64'}.get(found[1], found[1])
+        one = field_of(found[3], kind, int(found[2]) if found[2] else None)
+        if one.is_message or one.kind == 'string':
+            break
+        fields.append(one)
+    # Trailing padding is not logged.
+    while fields and fields[-1].name.startswith('_padding'):
+        del fields[-1]
+    return tuple(fields)
 
 
 # --------------------------------------------------------------------------------------- ArduPilot
 
 _MESSAGE_HEAD = 3    # bytes before each message: marker and type
-_GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
-_SAMPLED = (Stamp('SampleUS', 1000), Stamp('TimeUS', 1000))
-_FIELDS = {
-    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', 1000),), what='as logged', temperature='T'),
-    'GYR': ImuFields(_GYRO, None, _SAMPLED, what='as logged'),
-    'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged')}
 
 
-class ArduPilotRecording(TableLog):
+class ArduPilotRecording(AutopilotLog):
     """An ArduPilot log; raises ImuAllanError if pymavlink is missing or cannot read it."""
+
+    _kinds: ClassVar = {kind: f'ArduPilot {kind}' for kind in ('IMU', 'GYR', 'ACC')}
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        times: dict[str, list[Ints]] = {}
-        warm: set[str] = set()
-        self._kinds = self._located()
-        for base in _FIELDS:
-            for name, records, _ in self._tables(base):
-                times.setdefault(name, []).append(_times_of(records, _FIELDS[base]))
-                if _has_temperature(records.dtype, _FIELDS[base]):
-                    warm.add(name)
-        thermometer = _FIELDS['IMU'].thermometer()
-        imus = []
-        for name, parts in times.items():
-            base, dot, number = name.partition('.')
-            imus.append((ImuTopic(name, sum(map(len, parts)), ImuMessages(
-                f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)),
-                _rate_hz(np.concatenate(parts))))
-            # Only IMU messages hold a temperature, and even their lowest rate is high enough for
-            # it.
-            source = f'IMU{dot}{number}'
-            if source in warm:
-                self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
-                    'ArduPilot IMU', fields=thermometer), source))
-        self.list_imus(imus, {'GYR': 'ACC'}, 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
-                       'autopilot for raw samples at the full rate')
+        self._located = self._locate()
+        self._list_imus({'GYR': 'ACC'}, 'set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
+                        'autopilot for raw samples at the full rate')
+        # Only IMU messages hold a temperature, and even their lowest rate is high enough for it.
+        warm = {thermometer.topic[3:]: thermometer for thermometer in self.thermometers}
+        self.thermometers += [
+            replace(warm[imu.name[3:]], name=f'{imu.name}:T') for imu in self.topics
+            if imu.name[3:] in warm and not imu.name.startswith('IMU')]
 
-    def tables_of(self, topic: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather the messages of a topic and of topics of the same message type."""
-        base = topic.partition('.')[0]
-        yield from self._tables(base)
-        if base == 'IMU':
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Read blocks, each with the number of bytes consumed so far."""
+        yield from super().decoded(topic)
+        if topic.startswith('IMU'):
             self.remark('filtered')
 
-    def _located(self) -> dict[str, tuple[Ints, np.dtype[Any]]]:
-        """Locate the complete IMU messages, by type; return their offsets and layout."""
+    def _locate(self) -> dict[str, tuple[Ints, int, tuple[Field, ...]]]:
+        """Locate the complete IMU messages, by type; return offsets, size and fields."""
         try:
             from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
         except ImportError:
@@ -372,51 +316,42 @@ class ArduPilotRecording(TableLog):
             def init_clock(self) -> None:
                 """Skip the search for the time of day, which may read all messages."""
 
-        kinds = {}
+        located = {}
         try:
             with _silenced(), Index(str(self._stored)) as log:
                 for number, form in log.formats.items():
-                    name = form.name.rstrip('0123456789')
-                    if name not in _FIELDS:
-                        continue
-                    layout = np.dtype([
-                        (column, _code(FORMAT_TO_STRUCT[letter]))
-                        for column, letter in zip(form.columns, form.format, strict=False)])
+                    kind = form.name.rstrip('0123456789')
                     starts = np.asarray(log.offsets[number], np.int64)
                     starts = starts[starts + form.len <= self.size_bytes]
-                    if not len(starts):
-                        continue
-                    if (lack := _lacking(layout, _FIELDS[name])) is not None:
-                        reason = f'its format (FMT) has no usable field {lack}'
-                    elif layout.itemsize != form.len - _MESSAGE_HEAD:
-                        reason = 'the fields of its format (FMT) do not add up to its length'
-                    else:
-                        kinds[form.name] = starts, layout
-                        continue
-                    self.reasons[form.name] = reason
-                    self.other_topics[form.name] = f'ArduPilot {name}'
+                    size = form.len - _MESSAGE_HEAD
+                    if kind in self._kinds and len(starts) and size > 0:
+                        located[form.name] = starts + _MESSAGE_HEAD, size, tuple(
+                            _field(column, FORMAT_TO_STRUCT[letter][0])
+                            for column, letter in zip(form.columns, form.format, strict=False))
         # The library raises exceptions of many types on damaged files.
         except Exception as error:
             raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
                                 f'({printable(error)[:80]})') from error
-        return kinds
+        return located
 
-    def _tables(self, base: str) -> Iterator[tuple[str, Records, int]]:
-        """Gather messages, some thousand at a time; yield topic, records and bytes consumed."""
+    def _tables(self, kinds: Iterable[str]) -> Iterator[tuple[str, tuple[Field, ...], Rows, int]]:
         data = np.memmap(self._stored, np.uint8, 'r')
         at_a_time = 1 << 14
-        for kind, (places, layout) in self._kinds.items():
-            if kind.rstrip('0123456789') != base:
+        for kind, (places, size, fields) in self._located.items():
+            base = kind.rstrip('0123456789')
+            if base not in kinds:
                 continue
             # Before version 4.1 the second IMU had a separate message type, IMU2.
             suffix = int(kind[len(base):] or 1) - 1
+            names = [one.name for one in fields]
+            instance = _size(fields[:names.index('I')]) if 'I' in names else size
             for start in range(0, len(places), at_a_time):
                 starts = places[start:start + at_a_time]
-                rows = _records(data, starts + _MESSAGE_HEAD, layout)
-                numbers = rows['I'] if 'I' in (layout.names or ()) else np.full(len(rows), suffix)
+                rows = collect(data, starts, size)
+                numbers = rows[:, instance] if instance < size else np.full(len(rows), suffix)
                 for number in np.unique(numbers).tolist():
                     name = f'{base}.{number}' if number else base
-                    yield name, rows[numbers == number], int(starts[-1])
+                    yield name, fields, rows[numbers == number], int(starts[-1])
 
 
 @contextmanager
@@ -435,14 +370,8 @@ def _silenced() -> Iterator[None]:
         os.close(kept)
 
 
-def _code(translation: tuple[str, object, object]) -> str:
-    """Return the numpy type code of a number or text."""
-    letters = translation[0]
-    return f'S{letters[:-1]}' if letters.endswith('s') else f'<{letters}'
-
-
-def _rate_hz(times: Ints) -> float:
-    """Return the sample rate from the median interval, which ignores pauses."""
-    steps = np.diff(times)
-    middle = float(np.median(steps)) if len(steps) else 0.0
-    return 1e9 / middle if middle > 0 else 0.0
+def _field(name: str, letters: str) -> Field:
+    """Return a field with a number or a text, given by the letters of the module `struct`."""
+    if letters.endswith('s'):
+        return Field(name, 'u1', False, int(letters[:-1]))
+    return Field(name, np.dtype(letters).str[1:], False, None)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Literal
 
-from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import ImuAllanError, printable
@@ -310,14 +309,3 @@ def in_lists(batches: Iterable[MessageBatch]) -> Iterator[list[MessageBatch]]:
             yield held
             held, left = [], batch_bytes
     yield held
-
-
-def anywhere(buffer: bytes, kind: np.dtype[Any] | str) -> NDArray[Any]:
-    """View what begins at each byte of a buffer as an item of this type."""
-    kind = np.dtype(kind)
-    return np.ndarray((max(len(buffer) - kind.itemsize + 1, 0),), kind, buffer, 0, (1,))
-
-
-def collect(buffer: bytes, offsets: Ints, size: int) -> NDArray[np.uint8]:
-    """Copy `size` bytes at each of `offsets`; return shape (len(offsets), size)."""
-    return anywhere(buffer, f'V{size}')[offsets].view(np.uint8).reshape(-1, size)

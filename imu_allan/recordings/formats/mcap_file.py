@@ -31,13 +31,11 @@ from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
 
 from imu_allan.arrays import Ints, runs
-from imu_allan.cdr import MessageBatch, rows_like_first
+from imu_allan.cdr import anywhere, collect, MessageBatch, rows_like_first
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
-    anywhere,
     Channel,
     ChunkedRecording,
-    collect,
     Kind,
     LARGEST_DESCRIPTION,
     Part,

@@ -20,13 +20,11 @@ from io import BytesIO
 from typing import BinaryIO, NamedTuple
 
 from imu_allan.arrays import Ints, runs
-from imu_allan.cdr import MessageBatch
+from imu_allan.cdr import anywhere, collect, MessageBatch
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.chunked_file import (
-    anywhere,
     Channel,
     ChunkedRecording,
-    collect,
     Kind,
     LARGEST_DESCRIPTION,
     MOST_CHANNELS,

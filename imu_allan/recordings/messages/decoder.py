@@ -19,16 +19,13 @@ As for `imu_allan.cdr`: CDR aligns every number to its own size, counted from by
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, Literal
 
 from imu_allan.arrays import Array, Ints, runs
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import (
-    byte_order_of,
-    decode_imu_rows,
     MalformedImu,
     MessageBatch,
     OnMalformed,
@@ -58,86 +55,70 @@ class ImuMessages:
     ----------
     type_name : str
         Type of the messages.
+    fields : ImuFields
+        Which fields hold the samples.
+    types : Types
+        Fields of all types in the messages.
     serialization : {'cdr', 'ros1'}
         How they are serialized.
-    fields : ImuFields or None
-        Which fields hold the samples; None for sensor_msgs/Imu itself.
-    types : Types
-        Fields of all types in the messages; None for sensor_msgs/Imu itself.
-    factors : (float, float)
-        Factors applied to gyroscope and accelerometer samples.
 
     """
 
     type_name: str
+    fields: ImuFields
+    types: Types
     serialization: Serialization = 'cdr'
-    fields: ImuFields | None = None
-    types: Types | None = None
-    factors: tuple[float, float] = (1.0, 1.0)
 
     def decoder(self) -> Decoder:
         """Return a decoder for one reading."""
-        plain = self._decoded if self.fields is None else FieldsDecoder(self)
-        if self.factors == (1.0, 1.0):
-            return plain
-        factors = np.repeat(self.factors, 3)
-
-        def scaled(batches: Iterable[MessageBatch], on_malformed: OnMalformed) -> list[ImuBlock]:
-            return [replace(block, samples=block.samples * factors)
-                    for block in plain(batches, on_malformed)]
-
-        return scaled
-
-    def _decoded(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
-                 ) -> list[ImuBlock]:
-        """Decode sensor_msgs/Imu itself."""
-        return [block for batch in batches for block in decode_imu_rows(
-            batch.rows, batch.receive_ns, self.serialization, on_malformed)]
+        return FieldsDecoder(self)
 
     @property
     def half(self) -> Literal['gyro', 'accel'] | None:
         """Return the only sensor with samples in the messages; None if both have samples."""
-        if self.fields is None or (self.fields.gyro and self.fields.accel):
+        if self.fields.gyro and self.fields.accel:
             return None
         return 'gyro' if self.fields.gyro else 'accel'
 
     def reported(self) -> str:
         """Describe in words how the messages are read."""
-        if self.fields is None:
-            return self.type_name
-        return f'{self.type_name}, {self.fields.what}'
+        return ', '.join(filter(None, (self.type_name, self.fields.what)))
 
 
 class FieldsDecoder:
-    """Decoder for message types whose samples are in arbitrary fields."""
+    """Decoder of messages whose samples are in arbitrary fields."""
 
     def __init__(self, messages: ImuMessages) -> None:
-        assert messages.fields is not None
         self._messages, self._fields = messages, messages.fields
         self._wanted = messages.fields.paths()
         self._known: dict[int, list[tuple[bytes, RecordLayout]]] = {}
         self._clock: int | None = None
-        self._frames: dict[str, int] = {}
 
+    # Damaged numbers of any size are rejected later.
+    @np.errstate(over='ignore', invalid='ignore')
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
         """Decode messages in order; malformed ones are reported."""
-        self._frames = {}
-        columns = self._columns([batch for batch in batches if len(batch.rows)], on_malformed)
-        if columns is None or not len(columns['samples']):
+        parts = self._parts([batch for batch in batches if len(batch.rows)], on_malformed)
+        if not parts:
             return []
-        header_ns = self._header_ns(columns['stamps'])
-        names, frames = list(self._frames), columns['frames']
-        changes = np.diff(frames) != 0 if len(names) > 1 else np.zeros(0, np.bool_)
+        names = [*dict.fromkeys(frame_id for frame_id, _ in parts)]
+        for frame_id, part in parts:
+            part['frame'] = np.full(len(part['samples']), names.index(frame_id))
+        columns = parts[0][1]
+        if len(parts) > 1:
+            order = np.argsort(np.concatenate([part['message'] for _, part in parts]),
+                               kind='stable')
+            columns = {name: np.concatenate([part[name] for _, part in parts])[order]
+                       for name in columns}
+        header_ns, frames = self._header_ns(columns['stamps']), columns['frame']
         return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
                          columns['absent'][a:b], names[frames[a]])
-                for a, b in runs(changes, len(header_ns))]
+                for a, b in runs(frames[1:] != frames[:-1], len(frames))]
 
-    # ----------------------------------------------------------------------------------- columns
-
-    def _columns(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed,
-                 ) -> Columns | None:
-        """Decode batches, grouped by message size."""
+    def _parts(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed,
+               ) -> list[tuple[str, Columns]]:
+        """Decode messages of one layout at a time; return frame_id and columns of each."""
         bounds = [0, *accumulate(len(batch.rows) for batch in batches)]
         by_size: dict[int, list[int]] = {}
         for number, batch in enumerate(batches):
@@ -145,24 +126,17 @@ class FieldsDecoder:
         stamps = self._fields.stamps
         if self._clock is not None:
             stamps = (stamps[self._clock],)
-        decoded: list[Columns] = []
+        parts = []
         for numbers in by_size.values():
             rows = _joined([batches[number].rows for number in numbers])
             receive_ns = _joined([batches[number].receive_ns for number in numbers])
             index = _joined([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
-            for which, layout in self._groups(rows, on_malformed):
-                same = rows[which]
-                part = extract(self._fields, stamps, same.view(layout.record)[:, 0],
-                               receive_ns[which], on_malformed)
-                frames = _frames_of(same, layout.frame_id, self._frames)
-                of = part.get('message', slice(None))
-                part['frames'], part['message'] = frames[of], index[which][of]
-                decoded.append(part)
-        if len(decoded) < 2:
-            return decoded[0] if decoded else None
-        order = np.argsort(np.concatenate([part['message'] for part in decoded]), kind='stable')
-        return {name: np.concatenate([part[name] for part in decoded])[order]
-                for name in decoded[0]}
+            for layout, which in self._groups(rows, on_malformed):
+                part = _extract(self._fields, stamps, rows[which].view(layout.record)[:, 0],
+                                receive_ns[which], on_malformed)
+                part['message'] = index[which][part.get('message', slice(None))]
+                parts.append((layout.frame_id, part))
+        return parts
 
     # ----------------------------------------------------------------------------------- layouts
 
@@ -180,36 +154,29 @@ class FieldsDecoder:
         return layout
 
     def _groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed
-                ) -> list[tuple[NDArray[np.intp] | slice, RecordLayout]]:
-        """Group rows, messages of equal size, by layout."""
-        found: list[tuple[NDArray[np.intp] | slice, RecordLayout]] = []
-        left = np.arange(len(rows))
-        # With many layouts, compare only some messages at a time.
-        at_a_time = 256
-        while len(left):
-            first = rows[left[0]]
-            try:
-                layout = self._layout_of(first.data)
-            except MalformedImu as error:
-                on_malformed(1, error)
-                left = left[1:]
-                continue
-            which = slice(None) if len(left) == len(rows) else left
-            like = rows_like_first(rows[which], layout.keys)
-            if like is None:
-                found.append((which, layout))
-                break
-            found.append((left[like], layout))
-            left = left[~like]
-            # If this layout covers less than a sixteenth of the rest, there may be many of them.
-            if len(rows) > at_a_time and np.count_nonzero(like) < len(left) // 16:
-                # Comparing each of many with all other messages would take quadratic time.
-                for start in range(0, len(left), at_a_time):
-                    part = left[start:start + at_a_time]
-                    found += [(part[chosen], layout) for chosen, layout in self._groups(
-                        rows[part], on_malformed)]
-                break
-        return found
+                ) -> Iterable[tuple[RecordLayout, Ints | slice]]:
+        """Group messages of equal size by layout."""
+        found: dict[RecordLayout, list[Ints]] = {}
+        waiting = [np.arange(len(rows))]
+        for left in waiting:
+            while len(left):
+                try:
+                    layout = self._layout_of(rows[left[0]].data)
+                except MalformedImu as error:
+                    on_malformed(1, error)
+                    left = left[1:]
+                    continue
+                which = slice(None) if len(left) == len(rows) else left
+                like = rows_like_first(rows[which], layout.keys)
+                if like is None and len(left) == len(rows):
+                    return [(layout, which)]
+                # To compare each of many layouts with all messages would take quadratic time.
+                if like is not None and len(left) > 256:
+                    waiting += [left[start:start + 256] for start in range(0, len(left), 256)]
+                    break
+                found.setdefault(layout, []).append(left if like is None else left[like])
+                left = left[:0] if like is None else left[~like]
+        return [(layout, _joined(parts)) for layout, parts in found.items()]
 
     def _described(self, parsed: MessageLayout) -> RecordLayout:
         """Create a record type from the field positions; raise MalformedImu if one is missing."""
@@ -223,18 +190,11 @@ class FieldsDecoder:
                 raise MalformedImu(f'{field} has {place.count} elements')
             number = np.dtype(parsed.byte_order + place.kind)
             fields[path] = (number, place.at + element * number.itemsize)
-        for _, vector in self._fields.vectors():
-            first, at = fields[vector.paths[0]]
-            if self._fields.burst is not None:
-                for path in vector.paths:
-                    fields[path] = ((fields[path][0], parsed.places[path].count), fields[path][1])
-            elif [fields[path] for path in vector.paths] == [
-                    (first, at + axis * first.itemsize) for axis in range(3)]:
-                # Copying three doubles as one opaque item is several times faster.
-                fields[_joint_field(vector)] = ('V24' if first == np.float64 else (first, 3), at)
-        frame_id = self._fields.frame_id
-        frame = None if frame_id is None else parsed.places[frame_id]
-        return RecordLayout(parsed.keys, record_of(fields, parsed.size), frame)
+        for _, vector in self._fields.vectors() if self._fields.burst is not None else ():
+            width = min(parsed.places[path].count for path in vector.paths)
+            fields |= {path: ((fields[path][0], (width,)), fields[path][1])
+                       for path in vector.paths}
+        return RecordLayout(parsed.keys, record_of(fields, parsed.size), parsed.frame_id)
 
     # ------------------------------------------------------------------------------------- clock
 
@@ -248,7 +208,7 @@ class FieldsDecoder:
             # Fix the choice of the clock once there are this many messages.
             if len(stamps) >= 16:
                 self._clock = clock
-        times: Ints = np.maximum(stamps[:, clock], 0)
+        times: Ints = stamps[:, clock]
         return times
 
 
@@ -301,13 +261,15 @@ class MessageLayout:
     places : dict of str to Place
         Positions by field path, such as ``imu.angular_velocity.x``.
     keys : list of (int, int)
-        Start and stop of the bytes that determine the layout of messages of equal size.
+        Start and stop of the bytes that determine the layout and the frame of messages of equal
+        size.
+    frame_id : str
+        The frame that it names, or an empty text.
 
     """
 
     def __init__(self, messages: ImuMessages, message: memoryview, wanted: Collection[str],
                  ) -> None:
-        assert messages.types is not None
         self._types = messages.types
         self._message = message
         self._aligned = messages.serialization == 'cdr'
@@ -320,7 +282,10 @@ class MessageLayout:
         if self._aligned:
             if self.size < 4:
                 raise MalformedImu(f'{self.size} bytes are too few for a message')
-            self.byte_order = byte_order_of(message)
+            encapsulation = int.from_bytes(message[:2], 'big')
+            if encapsulation > 1:
+                raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
+            self.byte_order = '<' if encapsulation else '>'
             self.keys.append((0, 2))
             self._at = 4
         self._visit(messages.type_name, '', 0)
@@ -331,6 +296,14 @@ class MessageLayout:
         # Bytes after the last requested field do not affect any position.
         end = max((place.at for place in self.places.values()), default=0)
         self.keys = [key for key in self.keys if key[0] < end]
+        frame = self.places.get(messages.fields.frame_id or '')
+        self.frame_id = ''
+        if frame is not None:
+            self.keys.append((frame.at, frame.at + frame.count))
+            # It is shown and saved from here on, and a publisher may send megabytes of it. Texts
+            # end with a null byte in CDR, not in ROS 1.
+            self.frame_id = shorten(bytes(message[slice(*self.keys[-1])]).removesuffix(
+                b'\0').decode('utf-8', 'replace'))
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:
         # Messages of ROS reach four levels.
@@ -387,7 +360,7 @@ class MessageLayout:
         return start
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordLayout:
     """
     Layout shared by messages that have their fields at the same positions.
@@ -397,50 +370,40 @@ class RecordLayout:
     keys : list of (int, int)
         Start and stop of the bytes in which messages of equal size with this layout agree.
     record : dtype
-        A message as a record, with the paths of the numbers and arrays to read as names. Three
-        adjacent numbers form one more field, named by all three paths.
-    frame_id : Place or None
-        Position of the frame name.
+        A message as a record, with the paths of the numbers and arrays to read as names.
+    frame_id : str
+        The frame that they name.
 
     """
 
     keys: list[tuple[int, int]]
     record: np.dtype[np.void]
-    frame_id: Place | None
+    frame_id: str
 
 
 def _key(message: memoryview, layout: RecordLayout) -> bytes:
     return b''.join(message[start:stop] for start, stop in layout.keys)
 
 
-def _joint_field(vector: Vector) -> str:
-    """Return the field name for three adjacent numbers; paths themselves contain no blank."""
-    return ' '.join(vector.paths)
-
-
 # ------------------------------------------------------------------------------ records as columns
 
-def extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
+def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
             receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
     """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
     count = len(messages)
     stamps = np.empty((len(stamps_read), count), np.int64).T
     for number, stamp in enumerate(stamps_read):
-        stamps[:, number] = time_of(messages, stamp)
+        stamps[:, number] = _time_of(messages, stamp)
     if fields.burst is not None:
         return _burst(fields, fields.burst, messages, stamps, receive_ns, on_malformed)
-    samples = np.empty((count, 6))
-    absent = np.empty((count, 2), np.bool_)
-    if fields.gyro is None or fields.accel is None:
-        samples.fill(0)
-        absent.fill(True)
+    # Each axis is contiguous, which numpy prefers.
+    samples, absent = np.zeros((6, count)).T, np.ones((count, 2), np.bool_)
     for first, vector in fields.vectors():
-        _fill(samples[:, first:first + 3], messages, vector)
-        missing = absent[:, first // 3]
-        if vector.covariance is None:
-            missing.fill(False)
-        else:
-            np.equal(messages[vector.covariance], -1.0, out=missing)
+        for axis, path in enumerate(vector.paths, first):
+            samples[:, axis] = messages[path]
+        _to_si(samples[:, first:first + 3], vector, messages)
+        absent[:, first // 3] = (
+            vector.covariance is not None and messages[vector.covariance] == -1.0)
     return {'stamps': stamps, 'receive_ns': np.array(receive_ns, np.int64), 'samples': samples,
             'absent': absent}
 
@@ -475,33 +438,6 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
             'message': message}
 
 
-def _frames_of(rows: NDArray[np.uint8], place: Place | None, seen: dict[str, int]) -> Ints:
-    """Return indices of the frames that messages name; enter new names in `seen`."""
-    if place is None:
-        return np.full(len(rows), seen.setdefault('', len(seen)))
-    size, end = place.count, place.at + place.count
-    # In the usual case all messages name one frame.
-    named = rows if rows_like_first(rows, [(place.at, end)]) is not None else rows[:1]
-    items = named[:, place.at:end].tobytes()
-    # With size 0 every slice is the empty text, as it should be.
-    frames = [seen.setdefault(_text(items[row * size:(row + 1) * size]), len(seen))
-              for row in range(len(named))]
-    return np.array(frames).repeat(len(rows) // len(named))
-
-
-def _fill(out: Array, messages: NDArray[np.void], vector: Vector) -> None:
-    """Write the values of a vector, in SI units, to `out` of shape (n, 3)."""
-    side_by_side = _joint_field(vector)
-    if side_by_side not in (messages.dtype.names or ()):
-        for axis, path in enumerate(vector.paths):
-            out[:, axis] = messages[path]
-    elif messages[side_by_side].dtype.kind == 'V':
-        out.view('V24')[:, 0] = messages[side_by_side]
-    else:
-        out[:] = messages[side_by_side]
-    _to_si(out, vector, messages)
-
-
 def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
     """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
     def each(path: str) -> Array:
@@ -517,18 +453,13 @@ def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
         numbers *= vector.factor
 
 
-def time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
+def _time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
     """Return stamps in nanoseconds; -1 for invalid times."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths
         times: Ints = messages[seconds].astype(np.int64)
-        parts = messages[nanoseconds].astype(np.int64)
         times *= 1_000_000_000
-        times += parts
-        # Negative values are large as unsigned numbers, so one comparison checks both bounds.
-        beyond = parts.view(np.uint64) >= 1_000_000_000
-        if beyond.any():
-            times[beyond] = -1
+        times += messages[nanoseconds].astype(np.int64)
         return times
     number = messages[stamp.path]
     # Integers are scaled exactly, floating-point numbers as doubles.
@@ -539,9 +470,3 @@ def time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
     whole = number.astype(np.int64) * stamp.unit_ns if exact else np.rint(
         np.where(sound, rough, 0)).astype(np.int64)
     return np.where(sound, whole, -1)
-
-
-@lru_cache(maxsize=256)
-def _text(characters: bytes) -> str:
-    # CDR strings end with a null byte, those of ROS 1 do not.
-    return shorten(characters.removesuffix(b'\0').decode('utf-8', 'replace'))

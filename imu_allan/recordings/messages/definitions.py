@@ -74,6 +74,28 @@ def field_of(name: str, kind: str, count: int | None = None) -> Field:
     return Field(name, _BASE.get(kind, kind), kind not in _BASE, count)
 
 
+@lru_cache
+def imu_types(serialization: Serialization) -> Types:
+    """Return the fields of sensor_msgs/Imu, for which no parser has to be imported."""
+    ros1 = serialization == 'ros1'
+    return {
+        'sensor_msgs/msg/Imu': (
+            field_of('header', 'std_msgs/msg/Header'),
+            field_of('orientation', 'geometry_msgs/msg/Quaternion'),
+            field_of('orientation_covariance', 'float64', 9),
+            field_of('angular_velocity', 'geometry_msgs/msg/Vector3'),
+            field_of('angular_velocity_covariance', 'float64', 9),
+            field_of('linear_acceleration', 'geometry_msgs/msg/Vector3'),
+            field_of('linear_acceleration_covariance', 'float64', 9)),
+        'std_msgs/msg/Header': (
+            *([field_of('seq', 'uint32')] if ros1 else []),
+            field_of('stamp', 'builtin_interfaces/msg/Time'), field_of('frame_id', 'string')),
+        'builtin_interfaces/msg/Time': (
+            field_of('sec', 'uint32' if ros1 else 'int32'), field_of('nanosec', 'uint32')),
+        'geometry_msgs/msg/Quaternion': tuple(field_of(axis, 'float64') for axis in 'xyzw'),
+        'geometry_msgs/msg/Vector3': tuple(field_of(axis, 'float64') for axis in 'xyz')}
+
+
 def normal_name(type_name: str) -> str:
     """Return the name of a type as ROS 2 spells it: package/msg/Name."""
     package, _, name = type_name.rpartition('/')

@@ -8,7 +8,7 @@ representation.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 TIME = ('sec', 'nanosec')
 
@@ -119,6 +119,12 @@ class ImuFields:
         return ImuFields(Vector((self.temperature,) * 3), None, self.stamps, self.frame_id,
                          what=f'its field {self.temperature}')
 
+    def scaled(self, factors: tuple[float, float]) -> 'ImuFields':
+        """Return these fields with further factors for the gyroscope and the accelerometer."""
+        gyro, accel = (vector and replace(vector, factor=vector.factor * factor)
+                       for vector, factor in zip((self.gyro, self.accel), factors, strict=True))
+        return replace(self, gyro=gyro, accel=accel)
+
     def vectors(self) -> Iterator[tuple[int, Vector]]:
         """Yield the vectors that exist, each with its first column in the samples."""
         for first, vector in ((0, self.gyro), (3, self.accel)):
@@ -161,7 +167,14 @@ _HEADER = (Stamp('header.stamp'),)
 _FRAME = 'header.frame_id'
 _PX4_SAMPLE = (Stamp('timestamp_sample', 1000), Stamp('timestamp', 1000))
 _PX4_FIFO = Vector(('x', 'y', 'z'), scale='scale')
+_APM_GYRO, _APM_ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
+_APM_SAMPLED = (Stamp('SampleUS', 1000), Stamp('TimeUS', 1000))
 
+IMU_FIELDS = ImuFields(
+    replace(_xyz('angular_velocity'), covariance='angular_velocity_covariance[0]'),
+    replace(_xyz('linear_acceleration'), covariance='linear_acceleration_covariance[0]'),
+    _HEADER, _FRAME)
+"""Those of sensor_msgs/Imu."""
 KNOWN: Mapping[str, ImuFields] = {
     # PX4/px4_msgs: no header, microseconds since the autopilot was switched on.
     'px4_msgs/msg/SensorCombined': ImuFields(
@@ -198,5 +211,10 @@ KNOWN: Mapping[str, ImuFields] = {
     'leo_msgs/msg/Imu': ImuFields(
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
         (Stamp('stamp'),), temperature='temperature'),
+    # ArduPilot, libraries/AP_InertialSensor/LogStructure.h: microseconds since start.
+    'ArduPilot IMU': ImuFields(
+        _APM_GYRO, _APM_ACCEL, (Stamp('TimeUS', 1000),), temperature='T'),
+    'ArduPilot GYR': ImuFields(_APM_GYRO, None, _APM_SAMPLED),
+    'ArduPilot ACC': ImuFields(None, _APM_ACCEL, _APM_SAMPLED),
 }
-"""How to read messages of known types, by type name."""
+"""How to read messages of other known types, by type name."""

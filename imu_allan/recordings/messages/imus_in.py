@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 import re
 
-from imu_allan.cdr import Serialization
+from imu_allan.cdr import IMU_TYPE, Serialization
 from imu_allan.errors import brief, ImuAllanError
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import (
@@ -14,11 +14,13 @@ from imu_allan.recordings.messages.definitions import (
     definition_files,
     Field,
     find_definition,
+    imu_types,
     normal_name,
     parse,
     Types,
 )
 from imu_allan.recordings.messages.imu_fields import (
+    IMU_FIELDS,
     ImuFields,
     KNOWN,
     split_path,
@@ -28,6 +30,8 @@ from imu_allan.recordings.messages.imu_fields import (
 )
 from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
 
+IMU_MESSAGES = ImuMessages(IMU_TYPE, IMU_FIELDS, imu_types('cdr'))
+"""How sensor_msgs/Imu is read."""
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
 """Type names in ROS 2 and ROS 1."""
 
@@ -55,22 +59,23 @@ def imus_in(
     They have the name of the topic or, if its messages hold several, of topic and field, such as
     ``/imus.left``.
     """
-    kind, factors = normal_name(type_name), options.factors
+    kind = normal_name(type_name)
     gyro = options.gyro if options.gyro_topic in (None, topic) else None
     accel = options.accel if options.accel_topic in (None, topic) else None
     if gyro is not None or accel is not None:
-        types, factors = _types(kind, serialization, definition, options), (1.0, 1.0)
+        types = _types(kind, serialization, definition, options)
         found = {topic: _chosen(types, kind, gyro, accel, options.stamp)}
-    elif kind in IMU_TYPES:
-        return {topic: ImuMessages(kind, serialization, factors=factors)}
+    elif kind == IMU_TYPE:
+        types = imu_types(serialization)
+        found = {topic: IMU_FIELDS.scaled(options.factors)}
     elif kind in KNOWN:
         types = _types(kind, serialization, definition, options)
-        found = {topic: _present(KNOWN[kind], types, kind)}
+        found = {topic: _present(KNOWN[kind], types, kind).scaled(options.factors)}
     elif may_hold_imu(kind) and _shows_imu(
             known := _definition_of(kind, serialization, definition, options)):
         types = parse(kind, known, serialization)
         by_path = found_by_shape(types, kind)
-        found = {topic if len(by_path) == 1 else f'{topic}.{path}': fields
+        found = {topic if len(by_path) == 1 else f'{topic}.{path}': fields.scaled(options.factors)
                  for path, fields in by_path.items()}
     else:
         return {}
@@ -80,7 +85,7 @@ def imus_in(
             _number_at(types, kind, options.temperature, '--temperature')
             found = {name: replace(fields, temperature=options.temperature)
                      for name, fields in found.items()}
-    return {name: ImuMessages(kind, serialization, fields, types, factors)
+    return {name: ImuMessages(kind, fields, types, serialization)
             for name, fields in found.items()}
 
 
@@ -91,14 +96,14 @@ def _shows_imu(definition: Definition | Types) -> bool:
         'linear_acceleration', 'sensor_msgs/Imu', 'sensor_msgs/msg/Imu', 'sensor_msgs::msg::Imu'))
 
 
-def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,
-                   ) -> ImuMessages:
+def thermometer_in(type_name: str, serialization: Serialization,
+                   definition: Definition | Types | None) -> ImuMessages:
     """Describe how to read sensor_msgs/Temperature messages, in degrees Celsius."""
     kind = normal_name(type_name)
     types = _types(kind, serialization, definition, RecordingOptions())
     stamps, frame_id = _own_clock(types, kind)
-    fields = ImuFields(None, None, stamps, frame_id, temperature='temperature').thermometer()
-    return ImuMessages(kind, serialization, fields, types)
+    fields = ImuFields(Vector(('temperature',) * 3), None, stamps, frame_id)
+    return ImuMessages(kind, fields, types, serialization)
 
 
 def imu_messages(type_name: str, definition: str | Types,
@@ -161,12 +166,16 @@ def _definition_of(kind: str, serialization: Serialization, carried: Definition 
 
 def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
     """Remove optional fields that this version of the type lacks; an error if samples lack."""
+    arrays = {path for _, vector in fields.vectors() for path in vector.paths if fields.burst}
+
     def has(path: str) -> bool:
         try:
-            _field_at(types, kind, path, '')
+            field = _field_at(types, kind, path, '')
         except ImuAllanError:
             return False
-        return True
+        return path == fields.frame_id or (
+            not field.is_message and field.kind != 'string'
+            and (field.count is not None) == (path in arrays))
 
     for path in sorted(fields.needed()):
         if not has(path):

@@ -135,13 +135,15 @@ def test_damage_is_quiet(tmp_path):
     path.write_bytes(path.read_bytes()[:5000] + bytes(3000) + path.read_bytes()[5000:])
     status, shown, err = run('info', path)
     assert (status, err) == (0, '')
-    assert '  read as     ArduPilot IMU, as logged' in shown.splitlines()
+    assert '  read as     ArduPilot IMU, its fields GyrX and AccX' in shown.splitlines()
 
 
 @pytest.mark.parametrize(('given', 'reason'), [
-    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX', 'its format (FMT) has no usable field AccY'),
+    ('TimeUS,I,GyrX,GyrY,GyrZ,AccX',
+     'ArduPilot IMU has no field AccY in the definition that comes with it; name the fields with '
+     '--gyro and --accel'),
     ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ',
-     'the fields of its format (FMT) do not add up to its length')])
+     '51 bytes are not a message of type ArduPilot IMU, which takes 33')])
 def test_a_message_of_another_format_is_reported_with_the_reason(tmp_path, given, reason):
     path = write(tmp_path / 'a.bin', imu())
     path.write_bytes(path.read_bytes().replace(

@@ -232,3 +232,24 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
 def test_what_is_no_field_is_one_line(tmp_path, options, reason):
     assert refusal(own(tmp_path), options=RecordingOptions(**options)) == (
         f'no topic of type sensor_msgs/msg/Imu; it holds /sensor (my_driver/msg/Frame); {reason}')
+
+
+FIFO = 'uint64 timestamp\nfloat32 dt\nfloat32 scale\nuint8 samples\n'
+
+
+def test_of_a_burst_with_arrays_of_unequal_length_the_common_part_is_read():
+    decode = imu_messages('px4_msgs/msg/SensorGyroFifo',
+                          f'{FIFO}int16[4] x\nint16[3] y\nint16[4] z\n').decoder()
+    message = np.zeros(1, [('head', 'V4'), ('timestamp', 'u8'), ('dt', 'f4'), ('scale', 'f4'),
+                           ('samples', 'u1'), ('pad', 'u1'), ('xyz', 'i2', 11)])
+    message['head'], message['timestamp'], message['dt'] = b'\0\1', 1000, 125
+    message['scale'], message['samples'], message['xyz'] = 1, 2, np.arange(11)
+    [block] = decode([MessageBatch(message.view(np.uint8)[None], np.zeros(1, np.int64))],
+                     raise_malformed)
+    assert block.samples[:, :3].tolist() == [[0, 4, 7], [1, 5, 8]]
+
+
+def test_a_burst_without_arrays_is_refused():
+    with refused('px4_msgs/msg/SensorGyroFifo has no field x in the definition that comes with '
+                 'it; name the fields with --gyro and --accel'):
+        imu_messages('px4_msgs/msg/SensorGyroFifo', f'{FIFO}int16 x\nint16 y\nint16 z\n')
