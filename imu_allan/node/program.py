@@ -42,12 +42,8 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)
-        with _stopped_by(stop), _ros(given):
-            node = _created(node_class)
-            try:
-                return int(node.serve(stop))
-            finally:
-                node.destroy_node()
+        with _stopped_by(stop), _node(given, node_class) as node:
+            return int(node.serve(stop))
     except ImuAllanError as error:
         return _fail(program, str(error))
     except ImportError as error:
@@ -111,7 +107,8 @@ def _stopped_by(stop: StopRequest) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _ros(args: list[str]) -> Iterator[None]:
+def _node(args: list[str], node_class: str) -> Iterator[Any]:
+    # Imported only now: ROS may be missing.
     from imu_allan.node.rclpy_inside import RCLError, UnknownROSArgsError
     import rclpy
     from rclpy.exceptions import ParameterException
@@ -125,32 +122,24 @@ def _ros(args: list[str]) -> Iterator[None]:
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:
-        raise ImuAllanError(f'{_one_line(error)}; check the arguments after --ros-args and the '
+        raise ImuAllanError(f'{str(error).strip()}; check the arguments after --ros-args and the '
                             'parameter file') from error
     try:
-        yield
-    except ParameterException as error:
-        # A parameter that every node has, such as use_sim_time: rclpy names it and its type.
-        raise ImuAllanError(_one_line(error)) from error
+        module, _, name = node_class.rpartition('.')
+        try:
+            node = getattr(import_module(module), name)()
+        except (RCLError, ParameterException) as error:
+            # For instance the keys of a secured robot do not allow it, or a parameter that every
+            # node has, such as use_sim_time, is of another type: rclpy names both.
+            raise ImuAllanError(str(error)) from error
+        try:
+            yield node
+        finally:
+            node.destroy_node()
     finally:
         try_shutdown()
 
 
-def _created(node_class: str) -> Any:
-    # Imported only now: ROS may be missing.
-    from imu_allan.node.rclpy_inside import RCLError
-    module, _, name = node_class.rpartition('.')
-    try:
-        return getattr(import_module(module), name)()
-    except RCLError as error:
-        # For instance the keys of a secured robot do not allow it.
-        raise ImuAllanError(_one_line(error)) from error
-
-
-def _one_line(error: object) -> str:
-    return ' '.join(str(error).split())
-
-
 def _fail(program: str, message: str) -> int:
-    print(f'{program}: {_one_line(message)}', file=sys.stderr)
+    print(f'{program}: {" ".join(message.split())}', file=sys.stderr)
     return 1
