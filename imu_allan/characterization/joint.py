@@ -30,7 +30,7 @@ from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
-from imu_allan.result import AxisResult, RecordingPart, Result, Timeline, Total, TurnOnBias
+from imu_allan.result import AxisResult, RecordingPart, Result, Timeline, Total
 from imu_allan.wording import spoken
 import numpy as np
 
@@ -72,12 +72,20 @@ def joint_result(recordings: Sequence[Characterization],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
-    axes = {name: widened(widened(_with_spread(axis, name, parts), *error), 0.0, max(
-        leaked_share(axis, part.record.group_of(name).estimator.interpolated_share, 1 / rate)
-        for part in parts)) for name, (axis, _) in fitted.items()}
-    remarks_of_axes = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
+    axes, contradictions, remarks_of_axes = {}, [], []
+    for name, (axis, found) in fitted.items():
+        compared, odd = _compared(axis, name, parts,
+                                  _CONTRADICTION / (len(fitted) * len(LASTING_TERMS)))
+        axes[name] = widened(widened(compared, *error), 0.0, max(
+            leaked_share(axis, part.record.group_of(name).estimator.interpolated_share, 1 / rate)
+            for part in parts))
+        contradictions += odd
+        remarks_of_axes += [remark.of(name) for remark in found]
     timeline = _timeline(parts, rate)
-    spread = _turn_on_bias(parts, axes)
+    # The joint coefficients give the best error of a mean over a recording.
+    spread = turn_on_bias(axes, {name: [
+        (alone.mean or 0.0, part.record.group_of(name).estimator.samples / part.record.rate_hz)
+        for part in parts if mean_is_known(alone := part.result.axes[name])] for name in axes})
     differ = (finding('turn_on_bias', (name,), sigma=found.sigma, sigma_low=found.ci95[0],
                       sigma_high=found.ci95[1], unit=axes[name].unit)
               for name, found in spread.items() if found.sigma > 0 and found.ci95[0] > 0)
@@ -85,7 +93,7 @@ def joint_result(recordings: Sequence[Characterization],
         parts[0].result.imu_allan_version,
         replace(parts[0].result.source, path=' + '.join(part.path for part in parts)),
         timeline, axes,
-        (*_contradictions(parts, axes), *differ, *_of_each(parts), *remarks_of_axes,
+        (*contradictions, *differ, *_of_each(parts), *remarks_of_axes,
          *tone_findings(axes, rate), *length_findings(axes, timeline)),
         tuple(RecordingPart(
             part.path, part.result.source.start_time, part.result.timeline.duration_s,
@@ -170,57 +178,39 @@ def _of_each(parts: Sequence[_Part]) -> list[Finding]:
 
 # -------------------------------------------------------------- differences between the recordings
 
-def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dict[str, TurnOnBias]:
-    spread = {}
-    for name, axis in axes.items():
-        own = [part for part in parts if mean_is_known(part.result.axes[name])]
-        if len(own) > 1 and mean_is_known(axis) and any(axis.curve.adev):
-            # The joint coefficients give the best error of a mean over a recording.
-            spread[name] = turn_on_bias([(
-                part.result.axes[name].mean or 0.0,
-                part.record.group_of(name).estimator.samples / part.record.rate_hz)
-                for part in own], axis)
-    return spread
+def _compared(axis: AxisResult, name: str, parts: Sequence[_Part], limit: float
+              ) -> tuple[AxisResult, list[Finding]]:
+    """
+    Return an axis with the spread of its coefficients between recordings, and what contradicts it.
 
-
-def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
-    """Enter the spread between recordings, and widen intervals if they contradict each other."""
-    coefficients = dict(axis.coefficients)
+    Intervals of recordings that contradict each other are widened. Reported is which of them
+    contradicts the others; `limit` is how probable their spread is then by chance.
+    """
+    coefficients, remarks = dict(axis.coefficients), []
     for key in LASTING_TERMS:
-        found = coefficients[key]
-        value = found.value
-        if value is None or found.ci95 is None:
+        found, value = coefficients[key], coefficients[key].value
+        paths, values, errors = _shown(name, key, parts)
+        if (free := len(values) - 1) < 1:
             continue
-        _, values, errors = _shown(name, key, parts)
-        if (free := len(values) - 1) > 0:
-            q = q_statistic(values, errors)
-            if chi_square.survival(q, free) <= _CONTRADICTION:
+        q = q_statistic(values, errors)
+        chance = chi_square.survival(q, free)
+        if value is not None and found.ci95 is not None:
+            if chance <= _CONTRADICTION:
                 # Birge ratio: at least as wide as the scatter of the recordings.
                 found = widened_interval(found, sqrt(q / free))
             coefficients[key] = replace(
                 found, between=value * random_effects(values, errors).between)
-    return replace(axis, coefficients=coefficients)
-
-
-def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
-    """Report which recording contradicts the others, and in which coefficient."""
-    remarks = []
-    compared = [(name, key) for name in axes for key in LASTING_TERMS]
-    for name, key in compared:
-        paths, values, errors = _shown(name, key, parts)
-        if len(values) < 2 or chi_square.survival(
-                q_statistic(values, errors), len(values) - 1) > _CONTRADICTION / len(compared):
-            continue
-        # The weighted mean of the others, and its error
-        weights = np.maximum(errors, 1e-12)**-2.0 * ~np.eye(len(values), dtype=bool)
-        usual, of_usual = weights @ values / weights.sum(axis=1), weights.sum(axis=1)**-0.5
-        odd = int(np.argmax(np.abs(values - usual) / np.hypot(errors, of_usual)))
-        remarks.append(finding(
-            'recordings_disagree', (name,), coefficient=key, value=exp(values[odd]),
-            of_recording=paths[odd], usual_value=exp(usual[odd]),
-            others=[path for path in paths if path != paths[odd]],
-            unit=TERMS[key].unit(AXES[name])))
-    return remarks
+        if chance <= limit:
+            # The weighted mean of the others, and its error
+            weights = np.maximum(errors, 1e-12)**-2.0 * ~np.eye(len(values), dtype=bool)
+            usual, of_usual = weights @ values / weights.sum(axis=1), weights.sum(axis=1)**-0.5
+            odd = int(np.argmax(np.abs(values - usual) / np.hypot(errors, of_usual)))
+            remarks.append(finding(
+                'recordings_disagree', (name,), coefficient=key, value=exp(values[odd]),
+                of_recording=paths[odd], usual_value=exp(usual[odd]),
+                others=[path for path in paths if path != paths[odd]],
+                unit=TERMS[key].unit(AXES[name])))
+    return replace(axis, coefficients=coefficients), remarks
 
 
 def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Array, Array]:

@@ -47,31 +47,32 @@ def spread_of_means(ended: Sequence[Mark], axes: Mapping[str, AxisResult],
     `ended`: states after the power-ons before the latest, in order. `axes`: fits to all samples.
     `record`: all samples.
     """
-    marks, found = (*ended, mark_of(record)), {}
+    marks = (*ended, mark_of(record))
+    # The mean of less than ten seconds at rest is mostly noise.
+    return turn_on_bias(axes, {name: [
+        (mean, samples / record.rate_hz) for mean, samples in _of_each(name, marks)
+        if samples >= 10.0 * record.rate_hz] for name in axes})
+
+
+def turn_on_bias(axes: Mapping[str, AxisResult],
+                 means: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, TurnOnBias]:
+    """
+    Return the spread of means from one power-on to the next, of axes with at least two.
+
+    `axes`: their coefficients give the error of a mean over a record. `means`: of each axis, each
+    with the duration of its record in seconds. Returns: the scatter that measurement error does
+    not explain; the lower end of the interval also allows for unobservable terms.
+    """
+    spread = {}
     for name, axis in axes.items():
-        # The mean of less than ten seconds at rest is mostly noise.
-        means = [(mean, samples / record.rate_hz) for mean, samples in _of_each(name, marks)
-                 if samples >= 10.0 * record.rate_hz]
-        if len(means) > 1 and mean_is_known(axis):
-            found[name] = turn_on_bias(means, axis)
-    return found
-
-
-def turn_on_bias(means: Sequence[tuple[float, float]], axis: AxisResult) -> TurnOnBias:
-    """
-    Return the spread of means from one power-on to the next.
-
-    `means`: at least two, each with the duration of its record in seconds. `axis`: the axis of
-    these means, whose coefficients give the error of a mean over a record. Returns: the scatter
-    that measurement error does not explain; the lower end of the interval also allows for
-    unobservable terms.
-    """
-    values, lengths_s = zip(*means, strict=True)
-    found, careful = (
-        random_effects(values, [error_of_mean(axis, length_s, at_most=at_most)
-                                for length_s in lengths_s]) for at_most in (False, True))
-    low, high = found.between_ci95
-    return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
+        if len(means[name]) > 1 and mean_is_known(axis):
+            values, lengths_s = zip(*means[name], strict=True)
+            found, careful = (
+                random_effects(values, [error_of_mean(axis, length_s, at_most=at_most)
+                                        for length_s in lengths_s]) for at_most in (False, True))
+            low, high = found.between_ci95
+            spread[name] = TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
+    return spread
 
 
 def _of_each(name: str, marks: Sequence[Mark]) -> Iterator[tuple[float, int]]:
