@@ -4,13 +4,14 @@
 The drift model as a state space of the mean rate over a step, exact for any step.
 
 Integration over a step T gives, for a process of variance s^2 and correlation time tau, with
-``e = exp(-T/tau)`` and ``a = (tau/T)(1 - e)``: transition e, process s^2 (1 - e^2), observation a,
-measurement s^2 (2 (tau/T)(1 - a) - a^2), cross s^2 a (1 - e). The random walk has 1, K^2 T, 1,
-K^2 T/3 and K^2 T/2. White noise adds N^2/T to the measurement, a line of amplitude A adds
-A^2/2 sinc^2.
+``e = exp(-T/tau)`` and ``a = (tau/T)(1 - e)``: transition e, observation a, process s^2 (1 - e^2),
+cross s^2 a (1 - e), measurement s^2 (2 (tau/T)(1 - a) - a^2). A random walk is a process of
+infinite tau, whose s^2 is K^2 tau/2: 1, 1, K^2 T, K^2 T/2 and K^2 T/3. White noise adds N^2/T to
+the measurement, a line of amplitude A adds A^2/2 sinc^2.
 """
 
 from dataclasses import dataclass, replace
+from math import inf
 
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError, positive_time
@@ -146,25 +147,33 @@ def above_band(axis: AxisResult, interval_s: float) -> float:
     return max(float(measured) - float(drift_avar(model, axis.tones, interval_s)), 0.0)
 
 
+def over_step(driving: Array, time_s: Array, step_s: float | Array
+              ) -> tuple[Array, Array, Array, Array, Array]:
+    """
+    Return transition, observation, process, cross and measurement of processes over a step.
+
+    `driving`: squared driving density, ``2 s^2/tau`` or K^2. `time_s`: correlation time; infinite
+    for a random walk.
+    """
+    added, x = driving * step_s, step_s / time_s
+    a = on_mean(1.0, x)
+    some = np.where(x > 0, x, 1.0)
+    rest = np.where(x > 0, 1.5 * rest_of_mean(1.0, some) / some, 1.0)
+    return np.exp(-x), a, added * on_mean(1.0, 2 * x), added / 2 * a**2, added / 3 * rest
+
+
 def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:
     """Return the state space of a drift model and tones, for any step."""
-    n, t = len(model.processes) + 1, step_s
-    transition, observation = np.eye(n), np.ones((1, n))
-    process, initial, cross = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, 1))
-    measurement = model.noise_density**2 / t + float(line_power(tones, t))
-    for i, markov in enumerate(model.processes):
-        variance, time = markov.sigma**2, markov.correlation_time_s
-        a = float(on_mean(time, t))
-        transition[i, i], observation[0, i] = np.exp(-t / time), a
-        process[i, i] = variance * -np.expm1(-2 * t / time)
-        cross[i, 0] = variance * a * -np.expm1(-t / time)
-        measurement += variance * float(rest_of_mean(time, t))
-        initial[i, i] = variance
-    driven = model.rate_random_walk**2 * t
-    process[-1, -1], cross[-1, 0] = driven, driven / 2
-    measurement += driven / 3
+    variance = np.array([process.sigma**2 for process in model.processes])
+    time_s = np.array([process.correlation_time_s for process in model.processes])
+    transition, observation, process, cross, rest = over_step(
+        np.append(2 * variance / time_s, model.rate_random_walk**2), np.append(time_s, inf),
+        step_s)
+    measurement = (model.noise_density**2 / step_s + float(line_power(tones, step_s))
+                   + float(rest.sum()))
     # In units of the variance of a measurement: one of these removes it, and a double keeps ten
     # digits.
-    initial[-1, -1] = 1e6 * (measurement + float(np.trace(initial)))
-    return StateSpace(step_s, transition, observation, process,
-                      np.array([[measurement]]), cross, initial)
+    unknown = 1e6 * (measurement + float(variance.sum()))
+    return StateSpace(step_s, np.diag(transition), observation[None], np.diag(process),
+                      np.array([[measurement]]), cross[:, None],
+                      np.diag(np.append(variance, unknown)))

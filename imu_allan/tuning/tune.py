@@ -26,11 +26,11 @@ from typing import Literal
 from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError, positive, positive_time
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.gauss_markov_means import mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power
 from imu_allan.result import AxisResult, GaussMarkov, GoodnessOfFit
 from imu_allan.tuning.forecast import hidden_variance, upper_of_drift, upper_of_white
-from imu_allan.tuning.state_space import above_band, drift_model_of
+from imu_allan.tuning.state_space import above_band, drift_model_of, over_step
 import numpy as np
 
 Bias = Literal['random_walk', 'gauss_markov']
@@ -229,8 +229,8 @@ def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_s
             coast_s: float, time_s: float | None) -> FilterTuning:
     truth = Truth(axis)
     horizons = _horizons(aiding_s, coast_s)
-    filters = Filters.driven(np.array([noise_density**2]), np.array([random_walk**2]),
-                             np.array([time_s or np.inf]), aiding_s)
+    filters = Filters.of(np.array([noise_density**2]), np.array([random_walk**2]),
+                         np.array([time_s or np.inf]), aiding_s)
     return _tuning(filters, 0, truth, horizons, truth.expected(filters, horizons),
                    filters.predicted(horizons))
 
@@ -241,10 +241,8 @@ class Filters:
 
     aiding_s: float
     white: Array    # squared noise density
-    driving: Array    # squared driving density, for filters with a random walk; else 0
-    # Standard deviation and correlation time of the process; 0 and infinite for a random walk
-    sigma: Array
-    time: Array
+    driving: Array    # squared driving density of the bias
+    time: Array    # correlation time of the bias; infinite for a random walk
     gain: Array    # of the one-step predictor
     # 1 minus the closed-loop transition of the state: a filter that learns for long has so little
     # of it that 1 minus it would be rounded to 1
@@ -252,35 +250,16 @@ class Filters:
     covariance: Array    # of the state after a correction
 
     @classmethod
-    def driven(cls, white: Array, driving: Array, time: Array, aiding_s: float) -> 'Filters':
-        """Return filters by driving density and correlation time, infinite for random walks."""
-        if np.isinf(time[0]):
-            return cls.with_random_walk(white, driving, aiding_s)
-        return cls.markov(white, np.sqrt(driving * time / 2), time, aiding_s)
-
-    @classmethod
-    def with_random_walk(cls, white: Array, driving: Array, aiding_s: float) -> 'Filters':
-        """Return filters with a random walk."""
-        r, q = white / aiding_s + driving * aiding_s / 3, driving * aiding_s
-        p = np.sqrt(q * r - q**2 / 4)
-        gain = (p + q / 2) / (p + r)
-        return cls(aiding_s, white, driving, np.zeros(len(white)), np.full(len(white), np.inf),
-                   gain, gain, p)
-
-    @classmethod
-    def markov(cls, white: Array, sigma: Array, time: Array, aiding_s: float) -> 'Filters':
-        """Return filters with a Gauss-Markov process."""
-        x = aiding_s / time
-        e, a = np.exp(-x), on_mean(1.0, x)
-        q, s = sigma**2 * -np.expm1(-2 * x), sigma**2 * a * -np.expm1(-x)
-        r = white / aiding_s + sigma**2 * rest_of_mean(1.0, x)
+    def of(cls, white: Array, driving: Array, time: Array, aiding_s: float) -> 'Filters':
+        """Return the filters with these parameters."""
+        e, a, q, s, rest = over_step(driving, time, aiding_s)
+        r = white / aiding_s + rest
         # The scalar Riccati equation p = e^2 p + q - (e a p + s)^2/(a^2 p + r).
         b = r * (1 - e**2) + 2 * e * a * s - a**2 * q
         c = s**2 - q * r
         p = (-b + np.sqrt(np.maximum(b**2 - 4 * a**2 * c, 0))) / (2 * a**2)
         gain = (e * a * p + s) / (a**2 * p + r)
-        return cls(aiding_s, white, np.zeros(len(white)), sigma, time, gain,
-                   gain * a - np.expm1(-x), p)
+        return cls(aiding_s, white, driving, time, gain, gain * a - np.expm1(-aiding_s / time), p)
 
     def weight(self, horizons: Array) -> Array:
         """Return the weight of the state in the mean over each horizon, shape (horizons, n)."""
@@ -288,9 +267,9 @@ class Filters:
 
     def predicted(self, horizons: Array) -> Array:
         """Return V(h), the variance that the filters predict for the mean over each horizon."""
-        h, weight = horizons[:, None], self.weight(horizons)
-        process = self.sigma**2 * rest_of_mean(self.time, h) + self.driving * h / 3
-        return np.asarray(weight**2 * self.covariance + process + self.white / h)
+        h = horizons[:, None]
+        _, weight, _, _, rest = over_step(self.driving, self.time, h)
+        return np.asarray(weight**2 * self.covariance + rest + self.white / h)
 
 
 class Truth:
@@ -373,7 +352,7 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
     return FilterTuning(
         filters.aiding_s, float(horizons[-1]), float(np.sqrt(filters.white[at])),
         None if process else float(np.sqrt(filters.driving[at])),
-        float(filters.sigma[at]) if process else None,
+        float(np.sqrt(filters.driving[at] * filters.time[at] / 2)) if process else None,
         float(filters.time[at]) if process else None,
         tuple(rows), truth.model.from_s, truth.model.to_s)
 
@@ -393,11 +372,10 @@ def _candidates(s2: float, aiding_s: float, coast_s: float, excess: Array, times
     densities = s2 / aiding_s * 10 ** (1 - step * np.arange(decades / step + 1))
     time, driving, more = (part.ravel() for part in np.meshgrid(times, densities, excess))
     # Allan variance of the bias: the variance of a mean minus the covariance of neighbours.
-    explained = (driving * aiding_s / 3 if np.isinf(times[0])
-                 else driving * time / 2 * rest_of_mean(1.0, aiding_s / time))
+    *_, explained = over_step(driving, time, aiding_s)
     # Without white noise a filter would divide by nearly zero.
     white = more * (aiding_s * np.maximum(s2 - explained, 0.05 * s2))
-    return Filters.driven(white, driving, time, aiding_s)
+    return Filters.of(white, driving, time, aiding_s)
 
 
 def _horizons(aiding_s: float, coast_s: float) -> Array:

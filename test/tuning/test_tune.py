@@ -28,6 +28,10 @@ def one(value):
     return np.array([value])
 
 
+def filters_of(white, driving, time=np.inf):
+    return Filters.of(one(white), one(driving), one(time), 1.0)
+
+
 def unaided_variance(axis, aiding_s, horizons):
     """Variance of means after very many corrections of the filter of the whole drift model."""
     spaces = [state_space(axis, step_s) for step_s in (aiding_s, *horizons)]
@@ -40,8 +44,8 @@ def unaided_variance(axis, aiding_s, horizons):
 
 
 @pytest.mark.parametrize(('filters', 'drift'), [
-    (Filters.with_random_walk(one(4e-6), one(9e-10), 1.0), {'walk': 3e-5}),
-    (Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0), PROCESS)], ids=['walking', 'markov'])
+    (filters_of(4e-6, 9e-10), {'walk': 3e-5}),
+    (filters_of(4e-6, 2 * 5e-4**2 / 40, 40.0), PROCESS)], ids=['walking', 'markov'])
 def test_a_filter_predicts_what_the_kalman_filter_of_its_model_predicts(filters, drift):
     truth = axis_of(2e-3, **drift)
     np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0],
@@ -61,9 +65,9 @@ def happened(samples, filters, horizon):
 
 
 @pytest.mark.parametrize(('filters', 'walk'), [
-    (Filters.with_random_walk(one(2e-6), one(1e-9), 1.0), 0.0),
-    (Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0), 0.0),
-    (Filters.with_random_walk(one(4e-6), one(1e-9), 1.0), 1e-4)],
+    (filters_of(2e-6, 1e-9), 0.0),
+    (filters_of(2e-6, 2 * 8e-4**2 / 8, 8.0), 0.0),
+    (filters_of(4e-6, 1e-9), 1e-4)],
     ids=['walking', 'markov', 'on a random walk'])
 def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(filters, walk):
     drift = {'rate_random_walk': walk} if walk else {
@@ -166,7 +170,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes,
             tune(axis, 1.0, 60.0, conservative=True), tune(axis, 1.0, 60.0))]
         # And the pair half way to the tuned one.
         for ratios, (n, k) in ((careful, pairs[0]), (half, np.sqrt(np.multiply(*pairs)))):
-            filters = Filters.with_random_walk(one(n**2), one(k**2), 1.0)
+            filters = filters_of(n**2, k**2)
             ratios.append(truth.expected(filters, horizons)[:, 0]
                           / filters.predicted(horizons)[:, 0])
     # Five per cent at each horizon, with twice the error of 40 trials.
