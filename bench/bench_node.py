@@ -116,9 +116,8 @@ def write_state(path: str, rate: float, hours: float) -> None:
     """Write the state file of a node that has heard this publisher for so long."""
     from imu_allan.node.run import new_run, pack, Setup
     from imu_allan.node.storage import StateFile
-    from imu_allan.timeline import TimelineOptions
 
-    setup = Setup('/imu/data_raw', TimelineOptions())
+    setup = Setup((('/imu/data_raw', None),))
     run = new_run(setup)
     random_numbers = np.random.default_rng(2)
     for number in range(-round(hours * 3600 * rate / BLOCK), 0):

@@ -62,12 +62,6 @@ def state_of(record: Any) -> State:
         str(number): array for number, array in enumerate(arrays)}
 
 
-def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
-    """Return the part of a state under a name."""
-    return {key[len(name) + 1:]: value for key, value in state.items()
-            if key.startswith(f'{name}/')}
-
-
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
     """Restore a record from what `state_of` returned; KeyError if a part is missing."""
     def with_array(found: dict[str, Any]) -> Any:

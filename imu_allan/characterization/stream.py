@@ -34,7 +34,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.noise.uncertainty import bounded, leaked_share, widened
 from imu_allan.result import AxisResult, Result, Source
 from imu_allan.sensor.plausible import implausible
-from imu_allan.state import part_of, Record, restored, State, state_of
+from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
@@ -46,21 +46,8 @@ Kind = Literal['recording', 'topic']
 Fits = dict[str, AxisFit | None]
 
 
-@dataclass
-class _Memory(Record):
-    """State of a characterization, besides that of its timeline."""
-
-    kind: Kind
-    path: str | None
-    topic: str | None
-    epoch_ns: int | None = None    # stamp of the clock in use at time zero of the timeline
-    groups: list[Group] = field(default_factory=list)
-    power_ons: list[Mark] = field(default_factory=list)    # those that have ended, in order
-    # Readings from before the first sample
-    before: Thermometer = field(default_factory=Thermometer)
-
-
-class Characterization:
+@dataclass(kw_only=True, eq=False, repr=False)
+class Characterization(Record):
     """
     Characterization of one IMU, in constant memory.
 
@@ -70,9 +57,10 @@ class Characterization:
     Parameters
     ----------
     kind : {'recording', 'topic'}
-    path : str or None
+    path : str, optional
         Path of the recording.
-    topic : str or None
+    topic : str, optional
+        Topic that the samples come from.
     options : TimelineOptions, optional
 
     Attributes
@@ -94,10 +82,21 @@ class Characterization:
 
     """
 
-    def __init__(self, *, kind: Kind, path: str | None = None, topic: str | None = None,
-                 options: TimelineOptions = TimelineOptions()) -> None:  # noqa: B008
-        self.timeline = TimelineStage(options)
-        self._memory = _Memory(kind, path, topic)
+    kind: Kind
+    path: str | None = None
+    topic: str | None = None
+    options: TimelineOptions = TimelineOptions()  # noqa: RUF009
+    timeline: TimelineStage = field(init=False)
+    # Stamp of the clock in use at time zero of the timeline
+    epoch_ns: int | None = field(default=None, init=False)
+    groups: list[Group] = field(default_factory=list, init=False)
+    # Those that have ended, in order
+    power_ons: list[Mark] = field(default_factory=list, init=False)
+    # Readings from before the first sample
+    before: Thermometer = field(default_factory=Thermometer, init=False)
+
+    def __post_init__(self) -> None:
+        self.timeline = TimelineStage(self.options)
 
     def update(self, block: ImuBlock) -> None:
         """
@@ -129,8 +128,7 @@ class Characterization:
             If the two differ in length.
 
         """
-        groups = self._memory.groups
-        for thermometer in [group.thermometer for group in groups] or [self._memory.before]:
+        for thermometer in [group.thermometer for group in self.groups] or [self.before]:
             thermometer.take(stamps_ns, celsius)
 
     def take(self, blocks: Iterable[ImuBlock]) -> None:
@@ -169,9 +167,9 @@ class Characterization:
         """Begin a new run after a power-on of the sensor, whose bias may have changed."""
         record = self.record()
         if record is not None:
-            self._memory.power_ons.append(mark_of(record))
+            self.power_ons.append(mark_of(record))
             # Keep three years of a robot that is switched on daily.
-            del self._memory.power_ons[:-1000]
+            del self.power_ons[:-1000]
         self._absorb(self.timeline.power_on)
 
     def summary(self) -> TimelineSummary:
@@ -180,19 +178,7 @@ class Characterization:
 
     def snapshot(self) -> Characterization:
         """Return an independent copy, which can be fitted in another thread."""
-        twin = Characterization.__new__(Characterization)
-        twin.timeline, twin._memory = self.timeline.copy(), self._memory.copy()
-        return twin
-
-    @property
-    def path(self) -> str | None:
-        """Path of the recording."""
-        return self._memory.path
-
-    @property
-    def topic(self) -> str | None:
-        """Topic that the samples come from."""
-        return self._memory.topic
+        return self.copy()
 
     @property
     def place(self) -> str:
@@ -219,17 +205,17 @@ class Characterization:
             twin.finish()
         except ImuAllanError as error:
             # For a short recording, everything is decided here; a topic may get better.
-            if self._memory.kind == 'topic':
+            if self.kind == 'topic':
                 return self.snapshot()
             raise ImuAllanError(f'{self.place}: {error}') from error
         return twin
 
     def _finished_record(self, summary: TimelineSummary) -> FinishedRecord | None:
         rate = summary.timeline.sample_rate_hz
-        if not self._memory.groups or rate is None:
+        if not self.groups or rate is None:
             return None
         return FinishedRecord(summary, rate, tuple(
-            group.finish(rate) for group in self._memory.groups))
+            group.finish(rate) for group in self.groups))
 
     def result(self, remarks: Iterable[Finding] = ()) -> Result:
         """
@@ -258,7 +244,7 @@ class Characterization:
         """Return the result, as `result` does, and the fits of all axes and data behind it."""
         twin = self._finished()
         summary = twin.summary()
-        if summary.mostly_motion and self._memory.kind == 'recording':
+        if summary.mostly_motion and self.kind == 'recording':
             # Two sensors on one topic look like one that moves.
             mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
                      'the publishers' if any(remark.code == 'several_publishers'
@@ -273,44 +259,43 @@ class Characterization:
         known = {(remark.code, remark.axes) for remark in given}
         given += [own for own in summary.remarks if (own.code, own.axes) not in known]
         result = Result(
-            __version__, Source(self._memory.kind, self.path, self.topic, summary.frame_id,
+            __version__, Source(self.kind, self.path, self.topic, summary.frame_id,
                                 summary.start_time, summary.clock),
             summary.timeline, {}, tuple(given))
         if record is None:
-            unknown = (finding('unknown_rate'),) if twin._memory.groups else ()
+            unknown = (finding('unknown_rate'),) if twin.groups else ()
             return replace(result, warnings=(*result.warnings, *unknown)), {}, None
         axes, found, fits = _fitted_axes(record)
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
-            turn_on_bias=spread_of_means(self._memory.power_ons, axes, record),
+            turn_on_bias=spread_of_means(self.power_ons, axes, record),
             temperature=shown(record.groups[0].heat)), fits, record
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""
-        memory, epoch_ns = self._memory, self.timeline.epoch_ns
+        epoch_ns = self.timeline.epoch_ns
         blocks = step()
-        if memory.epoch_ns is None:
-            memory.epoch_ns = epoch_ns if epoch_ns is not None else self.timeline.epoch_ns
+        if self.epoch_ns is None:
+            self.epoch_ns = epoch_ns if epoch_ns is not None else self.timeline.epoch_ns
         for block in blocks:
             if not len(block):
                 continue
             if block.restart:
-                memory.before, memory.groups = self._readings(), []
+                self.before, self.groups = self._readings(), []
             if block.new_run:
                 # A jump of the clock begins a run, and blocks held back until then belong before
                 # it.
-                memory.epoch_ns = self.timeline.epoch_ns
-            if not memory.groups:
+                self.epoch_ns = self.timeline.epoch_ns
+            if not self.groups:
                 columns = np.flatnonzero(np.isfinite(block.samples[0]))
-                memory.groups = [Group(columns, Estimator(len(columns)), self._readings())]
-            memory.groups = [part for group in memory.groups for part in group.parted(block)]
-            for group in memory.groups:
-                group.add(block, memory.epoch_ns, self.timeline.interval_ns)
+                self.groups = [Group(columns, Estimator(len(columns)), self._readings())]
+            self.groups = [part for group in self.groups for part in group.parted(block)]
+            for group in self.groups:
+                group.add(block, self.epoch_ns, self.timeline.interval_ns)
 
     def _readings(self) -> Thermometer:
         """Return a thermometer with all readings so far, and no samples."""
-        groups = self._memory.groups
-        twin = (groups[0].thermometer if groups else self._memory.before).copy()
+        twin = (self.groups[0].thermometer if self.groups else self.before).copy()
         twin.forget_samples()
         return twin
 
@@ -324,8 +309,8 @@ class Characterization:
             No object arrays, so that it can be stored without pickle.
 
         """
-        return {**{f'timeline/{key}': value for key, value in self.timeline.to_state().items()},
-                **{f'memory/{key}': value for key, value in state_of(self._memory).items()}}
+        self.timeline.pending.join()
+        return state_of(self)
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> Characterization:
@@ -340,13 +325,10 @@ class Characterization:
             If a part is missing.
 
         """
-        self = cls.__new__(cls)
         try:
-            self.timeline = TimelineStage.from_state(part_of(state, 'timeline'))
-            self._memory = restored(_Memory, part_of(state, 'memory'))
+            return restored(cls, state)
         except KeyError as error:
             raise ImuAllanError(f'saved characterization: {error.args[0]} is missing') from error
-        return self
 
 
 def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Finding], Fits]:

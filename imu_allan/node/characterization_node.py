@@ -9,23 +9,23 @@ the middleware's queue only for moments. Faults of drivers, subscribers or disks
 the executor's thread; should one escape nevertheless, `serve` saves first.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from threading import RLock
 import time
 from typing import Any
 
-from imu_allan.block import Half
+from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.change_of_run import Runs
 from imu_allan.node.diagnostics import diagnostics_message, timeline_counts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
 from imu_allan.node.output_topics import OutputTopics
-from imu_allan.node.parameters import CHARACTERIZATION, declare, TOPIC, warn_of_unknown
+from imu_allan.node.parameters import CHARACTERIZATION, declare, READING, warn_of_unknown
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import AnyExecutorNode, RCLError
-from imu_allan.node.reception import QUEUE_MESSAGES, Reception
+from imu_allan.node.reception import QUEUE_MESSAGES, Reception, receptions
 from imu_allan.node.run import Lane, LOOK_S, Run, Setup, UnusableState
 from imu_allan.node.storage import Storage
 from imu_allan.node.thermometer import Thermometer
@@ -80,11 +80,8 @@ class CharacterizationNode(AnyExecutorNode):
             raise ImuAllanError(f'parameter aiding_interval: {values["aiding_interval"]:g} s is '
                                 f'longer than coast, {values["coast"]:g} s')
 
-        self._receptions = [Reception(self, self._log, topic, half, values)
-                            for topic, half in _topics(values)]
+        self._receptions = receptions(self, self._log, values)
         subscribed = [reception.facts.topic for reception in self._receptions]
-        if len(set(subscribed)) < len(subscribed):
-            raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
         self._facts, name = self._receptions[0].facts, self.get_fully_qualified_name()
         self._outputs = OutputTopics(self)
         self._worker = Worker(self._log)
@@ -92,14 +89,11 @@ class CharacterizationNode(AnyExecutorNode):
         self._fitting = Fitting(name, self._outputs, self._worker, self._facts,
                                 self._receptions[0].changes, values)
         setup = Setup(
-            subscribed[0], TimelineOptions(clock=values['clock'],
-                                           gap_tolerance=values['gap_tolerance'],
-                                           motion=values['motion']),
-            ' '.join(values[name] for name in (
-                'imu_type', 'gyro_field', 'accel_field', 'stamp_field', 'gyro_unit', 'accel_unit',
-                'accel_type') if values[name]),
-            accel_topic=''.join(subscribed[1:]),
-            finds_unit=not (values['accel_unit'] or values['accel_field']))
+            tuple((reception.facts.topic, reception.facts.half)
+                  for reception in self._receptions),
+            TimelineOptions(clock=values['clock'], gap_tolerance=values['gap_tolerance'],
+                            motion=values['motion']),
+            {name: values[name] for name in READING if values[name]})
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
         warn_of_unknown(self, qos=True)
@@ -114,13 +108,10 @@ class CharacterizationNode(AnyExecutorNode):
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetBool, '~/pause', self._pause)
-        now = time.monotonic()
-        for reception in self._receptions:
-            reception.last_take = reception.last_message = now
         if run.resumed:
             self._fitting.fit(run)
         self._storage.try_output()
-        self._last_tick = self._last_report = self._last_look = now
+        self._last_tick = self._last_report = self._last_look = time.monotonic()
         self._last_cpu = time.process_time()
         # With use_sim_time but no /clock, a timer on the ROS clock would never fire.
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
@@ -194,21 +185,20 @@ class CharacterizationNode(AnyExecutorNode):
 
     def _catch_up(self, now: float) -> int:
         """Take in all messages so far; return their number on the busiest topic."""
-        most = self._take(now)
+        taken = self._take(now)
         for number, lane in enumerate(self._run.lanes):
             self._thermometer.feed(number, lane.characterization)
-        for number, reception in enumerate(self._receptions):
-            for publisher, blocks in reception.blocks(now):
+        for number, by_publisher in enumerate(taken):
+            for publisher, blocks in by_publisher:
                 self._runs.take(number, publisher, blocks)
-        return most
+        return max(reception.taken for reception in self._receptions)
 
-    def _take(self, now: float) -> int:
+    def _take(self, now: float) -> list[list[tuple[int, list[ImuBlock]]]]:
+        """Take the messages so far, by topic and publisher; none after the shutdown of ROS."""
         if not self.context.ok():
-            # No messages arrive after the shutdown of ROS.
-            return 0
-        most = max([reception.take(now) for reception in self._receptions])
+            return []
         self._thermometer.take()
-        return most
+        return [reception.take(now) for reception in self._receptions]
 
     # -- reports ---------------------------------------------------------------------------------
 
@@ -282,8 +272,6 @@ class CharacterizationNode(AnyExecutorNode):
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self._take(time.monotonic())
-            for reception in self._receptions:
-                reception.drop()
             self._runs.begin_anew()
             self._forget_run()
             self._facts.resumed = ''
@@ -355,18 +343,3 @@ class CharacterizationNode(AnyExecutorNode):
         except Exception as error:
             self._log.bug(error, 'the node saves the rest and ends')
         return False
-
-
-def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
-    """Return the topics to subscribe to, each with its sensor if it carries only one."""
-    gyro, accel = values['gyro_topic'], values['accel_topic']
-    if not gyro and not accel:
-        if values['accel_type']:
-            raise ImuAllanError('parameter accel_type: needs gyro_topic and accel_topic; '
-                                'imu_type is the type of one topic')
-        return [(TOPIC, None)]
-    if not (gyro and accel):
-        named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
-        raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
-                            'topics has both')
-    return [(gyro, 'gyro'), (accel, 'accel')]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from imu_allan.block import Half
 from imu_allan.finding_messages import for_display, message_of
 from imu_allan.node.output_topics import key_values, remark_values
 from imu_allan.node.standards import Comparison
@@ -71,7 +72,7 @@ class Facts:
     topic: str
     queue: int
     expected_rate: float  # Hz; 0 if unknown
-    half: str | None = None  # the sensor on the topic, if it carries only one
+    half: Half | None = None  # the sensor on the topic, if it carries only one
     received: int = 0
     lost: int = 0
     malformed: int = 0

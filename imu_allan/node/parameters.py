@@ -127,6 +127,9 @@ CHARACTERIZATION = (
             'reported; empty is none'),
 )
 """Parameters of `imu_allan_node`."""
+READING = ('imu_type', 'gyro_field', 'accel_field', 'stamp_field', 'gyro_unit', 'accel_unit',
+           'accel_type')
+"""Those of them that say how messages are read."""
 
 SIMULATOR = (
     Setting('model', 'consumer_mems', 'Noise model: a YAML file, or the name of one that the '

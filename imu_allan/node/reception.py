@@ -248,47 +248,33 @@ class Reception:
         self._node = node
         # Of both sensors, if each has its own.
         self._given = [one for one in (topic, values['gyro_topic'], values['accel_topic']) if one]
-        self._waiting: list[tuple[Ints, Batch]] = []
         self._publishers = Publishers(self.subscription.publisher_gids)
         # Number of messages at the last look.
         self._seen = 0
         self._passed_over = 0
         self._mixed_until = 0.0
-        self.last_take = self.last_message = 0.0
+        self.last_take = self.last_message = time.monotonic()
+        self.taken = 0  # messages at the last take
 
-    def take(self, now: float) -> int:
-        """Take the waiting messages and return their number; pass over those during a pause."""
+    def take(self, now: float) -> list[tuple[int, list[ImuBlock]]]:
+        """Take and decode the waiting messages, by publisher; pass over those during a pause."""
         batch, facts = self.subscription.take(), self.facts
+        self.taken = len(batch.messages)
         facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
-        facts.received += len(batch.messages)
+        facts.received += self.taken
         facts.overrun += batch.full
         self.last_take = now
-        if not batch.messages:
-            return 0
+        if not self.taken:
+            return []
         self.last_message = now
         # Messages that are passed over do not count as lost.
         keys, lost = self._publishers.of(batch.numbers, batch.receive_ns)
         facts.lost += lost
         if facts.paused:
-            facts.skipped += len(batch.messages)
-        else:
-            self._waiting.append((keys, batch))
-        return len(batch.messages)
-
-    def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:
-        """Decode the messages taken so far, by publisher."""
-        waiting, self._waiting = self._waiting, []
-        facts = self.facts
-        if facts.mixed_samples > self._passed_over:
-            # Report the condition for five seconds after the last such message.
-            self._passed_over, self._mixed_until = facts.mixed_samples, now + 5.0
-        facts.mixed = now < self._mixed_until
+            facts.skipped += self.taken
+            return []
         return [(key, self._decoded(batch, np.flatnonzero(keys == key)))
-                for keys, batch in waiting for key in dict.fromkeys(keys.tolist())]
-
-    def drop(self) -> None:
-        """Discard the messages that have been taken but not decoded yet."""
-        self._waiting = []
+                for key in dict.fromkeys(keys.tolist())]
 
     def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
         return self._decode([batch.messages[row] for row in rows.tolist()],
@@ -307,6 +293,10 @@ class Reception:
         facts.publishers = self._publishers.delivering(time.time_ns()) or subscription.publishers
         facts.refused = [] if facts.publishers else subscription.refused_publishers()
         facts.publisher_names = subscription.publisher_names() if facts.publishers > 1 else []
+        if facts.mixed_samples > self._passed_over:
+            # Report the condition for five seconds after the last such message.
+            self._passed_over, self._mixed_until = facts.mixed_samples, now + 5.0
+        facts.mixed = now < self._mixed_until
         facts.silent_s = now - self.last_message
         # Longer than a Wi-Fi dropout, yet short enough to notice a dead sensor early. Chosen by
         # judgment.
@@ -335,3 +325,23 @@ class Reception:
                     f'--ros-args {remedy}:=TOPIC')
         # The other sensor may come as such messages.
         return f'; no {"other " if facts.half else ""}node publishes {name_of_kind} messages'
+
+
+def receptions(node: Node, log: Log, values: Mapping[str, Any]) -> list[Reception]:
+    """Return that of the topic of the IMU, or those of its gyroscope and its accelerometer."""
+    gyro, accel = values['gyro_topic'], values['accel_topic']
+    if not gyro and not accel:
+        if values['accel_type']:
+            raise ImuAllanError('parameter accel_type: needs gyro_topic and accel_topic; '
+                                'imu_type is the type of one topic')
+        return [Reception(node, log, TOPIC, None, values)]
+    if not (gyro and accel):
+        named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
+        raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
+                            'topics has both')
+    both = [Reception(node, log, gyro, 'gyro', values),
+            Reception(node, log, accel, 'accel', values)]
+    if both[0].facts.topic == both[1].facts.topic:
+        raise ImuAllanError('parameters gyro_topic and accel_topic: both are '
+                            f'{both[0].facts.topic}')
+    return both

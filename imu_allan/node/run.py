@@ -24,7 +24,7 @@ from imu_allan.node.standards import DatasheetLooks
 from imu_allan.recordings.repeated_messages import Seen
 from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
-from imu_allan.state import part_of, Record, restored, State, state_of
+from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline import TimelineOptions, TimelineSummary
 from imu_allan.timeline.memory import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace, Pace, spread_about
@@ -341,40 +341,31 @@ def useless(error: ImuAllanError, of: Characterization) -> str:
 class Setup:
     """Settings that a run depends on."""
 
-    topic: str
-    options: TimelineOptions
-    messages: str = IMU_TYPE
-    """How the messages are read: their type, and the fields and units that the user names."""
-    accel_topic: str = ''
-    """Topic of the accelerometer, if `topic` carries the gyroscope alone."""
-    finds_unit: bool = True
-    """Whether the unit of the acceleration is found from the samples."""
+    streams: tuple[tuple[str, Half | None], ...]
+    """Each topic, with its sensor if only one is taken from it."""
+    options: TimelineOptions = TimelineOptions()  # noqa: RUF009
+    reading: dict[str, str] = field(default_factory=lambda: {'imu_type': IMU_TYPE})
+    """The parameters that say how messages are read, those that are not empty."""
 
     @property
     def topics(self) -> str:
         """Both topics as text, or the only one."""
-        return ', '.join(filter(None, [self.topic, self.accel_topic]))
-
-    @property
-    def streams(self) -> list[tuple[str, Half | None]]:
-        """Each topic, with its sensor if only one is taken from it."""
-        if not self.accel_topic:
-            return [(self.topic, None)]
-        return [(self.topic, 'gyro'), (self.accel_topic, 'accel')]
+        return ', '.join(topic for topic, _ in self.streams)
 
 
 @dataclass
 class _Kept(Record):
-    """What is saved of a lane besides its characterization."""
+    """What is saved of a lane."""
 
+    characterization: Characterization
     known: Known
     seen: Seen
     in_g: bool | None
 
 
 @dataclass
-class _Saved(Record):
-    """What is saved of a run besides its characterizations."""
+class Saved(Record):
+    """What is saved of a run."""
 
     setup: Setup
     boot: str
@@ -385,55 +376,55 @@ class _Saved(Record):
 
 def pack(run: Run, setup: Setup) -> State:
     """Return the state of a run as arrays to save."""
+    for lane in run.lanes:
+        lane.characterization.timeline.pending.join()
     # Messages whose unit is undecided are not saved, so they must not count as seen.
-    kept = [_Kept(lane.known, Seen() if lane.unit.waiting else lane.seen, lane.unit.decision)
-            for lane in run.lanes]
-    parts = {'run': state_of(_Saved(setup, boot_id(), run.shown_terms, kept, run.mark)),
-             **{f'lane{number}': lane.characterization.to_state()
-                for number, lane in enumerate(run.lanes)}}
-    return {f'{name}/{key}': array for name, part in parts.items() for key, array in part.items()}
+    return state_of(Saved(setup, boot_id(), run.shown_terms, [
+        _Kept(lane.characterization, lane.known, Seen() if lane.unit.waiting else lane.seen,
+              lane.unit.decision) for lane in run.lanes], run.mark))
 
 
 def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
     """Return the saved run, ready to go on; its next sample is unrelated to the last one."""
     try:
-        saved = restored(_Saved, part_of(state, 'run'))
-        if saved.setup != setup:
-            raise UnusableState('settings', f'it was made with other parameters or of another '
-                                f'topic, {saved.setup.topics}')
-        run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
-        same_boot = bool(saved.boot) and saved.boot == boot_id()
-        for number, (lane, kept) in enumerate(zip(run.lanes, saved.lanes, strict=True)):
-            _resume(lane, kept, Characterization.from_state(part_of(state, f'lane{number}')),
-                    same_boot)
+        saved = restored(Saved, state)
     except (ImuAllanError, KeyError) as error:
         raise UnusableState('damaged', f'a part is missing ({error})') from error
+    if saved.setup != setup:
+        raise UnusableState('settings', 'it was made with other parameters or of another topic, '
+                            f'{saved.setup.topics}')
+    run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
+    same_boot = bool(saved.boot) and saved.boot == boot_id()
+    for lane, kept in zip(run.lanes, saved.lanes, strict=True):
+        _resume(lane, kept, same_boot)
     return run
 
 
-def _resume(lane: Lane, kept: _Kept, characterization: Characterization, same_boot: bool) -> None:
+def _resume(lane: Lane, kept: _Kept, same_boot: bool) -> None:
     """Let a new lane go on as the saved one, unless that has no usable samples."""
     try:
         if same_boot:
             # Unless its driver restarts, the IMU has stayed switched on.
-            characterization.break_run()
+            kept.characterization.break_run()
         else:
-            characterization.power_on()
+            kept.characterization.power_on()
             # Every driver is new after a boot and must not count as another power-on.
             kept.known.publishers = []
-        if characterization.summary().frame_id is None:
+        if kept.characterization.summary().frame_id is None:
             return
     except ImuAllanError:
         return
-    lane.characterization, lane.known, lane.seen = characterization, kept.known, kept.seen
+    lane.characterization, lane.known, lane.seen = kept.characterization, kept.known, kept.seen
     if lane.unit.decision is None:
         lane.unit = AccelerationUnit(kept.in_g)
 
 
 def new_run(setup: Setup, **kept: Any) -> Run:
     """Return a run without samples; `kept` is what a resumed one has besides."""
+    # A unit that is named is converted with the messages; else it is found from the samples.
+    in_g = False if {'accel_unit', 'accel_field'} & setup.reading.keys() else None
     return Run([Lane(Characterization(kind='topic', topic=topic, options=setup.options),
-                     half, AccelerationUnit(None if setup.finds_unit else False))
+                     half, AccelerationUnit(in_g))
                 for topic, half in setup.streams], **kept)
 
 

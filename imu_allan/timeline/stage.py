@@ -9,12 +9,11 @@ after the other on the memory that the stage is. Intake chooses the usable messa
 them on the even grid, and the motion detector leaves out what is not at rest.
 """
 
-from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from collections.abc import Iterable
+from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.state import restored, State, state_of
 from imu_allan.timeline.intake import usable
 from imu_allan.timeline.memory import Decision, Memory, Window
 from imu_allan.timeline.motion import MotionDetector
@@ -22,7 +21,6 @@ from imu_allan.timeline.placing import place
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
-from numpy.typing import NDArray
 
 
 class TimelineStage(Memory):
@@ -81,16 +79,6 @@ class TimelineStage(Memory):
         if self.motion is not None:
             self.motion.forget_means()
         return blocks
-
-    def to_state(self) -> State:
-        """Return everything needed to continue later, as a flat dict of arrays."""
-        self.pending.join()
-        return state_of(self)
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
-        """Restore a stage from the result of `to_state`; KeyError if a part is missing."""
-        return restored(cls, state)
 
     def summary(self) -> TimelineSummary:
         """Summarize all messages so far, including those still held back."""

@@ -22,10 +22,11 @@ from imu_allan.cdr import encode_imu_rows
 from imu_allan.characterization import Characterization
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.run import Saved
 from imu_allan.node.storage import decode_state
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Timeline
-from imu_allan.state import part_of
+from imu_allan.state import restored
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 import pytest
@@ -472,8 +473,8 @@ def kept_in(state_file: Path) -> TimelineSummary:
     """Tell what a state file holds of its messages; nothing if it is not there yet."""
     if not state_file.exists():
         return Characterization(kind='topic').summary()
-    state = part_of(decode_state(state_file.read_bytes()), 'lane0')
-    return Characterization.from_state(state).summary()
+    [lane] = restored(Saved, decode_state(state_file.read_bytes())).lanes
+    return lane.characterization.summary()
 
 
 def resident_mb(pid: int) -> float:

@@ -31,7 +31,6 @@ from imu_allan.result import (
 )
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.timeline import TimelineOptions
 from imu_allan.timeline.memory import Counts
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.writers.result_files import save_result
@@ -309,7 +308,7 @@ def test_what_one_look_finds_by_chance_is_not_said_unless_it_is_the_last(result)
 
 
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
-    setup = Setup('/imu', TimelineOptions())
+    setup = Setup((('/imu', None),))
     run = new_run(setup)
     published(run.shown_terms, at(result, 800.0, False))
     # As often as it is started anew: a run is one.

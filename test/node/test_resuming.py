@@ -20,7 +20,6 @@ from imu_allan.node.log import Log
 from imu_allan.node.run import new_run, pack, Setup, unpack, UnusableState
 from imu_allan.node.storage import decode_state, encode_state, StateFile, Storage, VERSION
 from imu_allan.node.worker import Worker
-from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from repeated import slow
@@ -40,7 +39,7 @@ from whole_lines import refused, unwritable, Varying
 PERIOD_S = 1.0
 LATE_S = 0.2
 """How late a report may be about what had been received."""
-SETUP = Setup('/imu', TimelineOptions())
+SETUP = Setup((('/imu', None),))
 STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
          'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
          'empty': np.empty((0, 6))}
@@ -54,7 +53,7 @@ def start(ros):
 
 def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     topic = ros.name('imu/data_raw')
-    setup = Setup(topic, TimelineOptions())
+    setup = Setup(((topic, None),))
     run = new_run(setup)
     run.lanes[0].update([at_rest(2000)])
     good, whole = encode_state(pack(run, setup)), encode_state({'a': np.zeros(9)})

@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-import json
 from operator import itemgetter
 import time
 from unittest.mock import Mock
@@ -25,8 +24,8 @@ import pytest
 from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, START_NS
 
 RATE_HZ, PROVEN_S = 100.0, 300.0
-SETUP = Setup('/imu', TimelineOptions())
-HALVES = Setup('/gyro', TimelineOptions(), accel_topic='/accel')
+SETUP = Setup((('/imu', None),))
+HALVES = Setup((('/gyro', 'gyro'), ('/accel', 'accel')))
 
 
 def resumed(run, setup=SETUP):
@@ -99,8 +98,7 @@ def result_of(run):
 
 def ended(run):
     """Give what is noted of the power-ons that have ended."""
-    state = run.lanes[0].characterization.to_state()
-    return list(json.loads(str(state['memory/power_ons'])))
+    return run.lanes[0].characterization.power_ons
 
 
 @pytest.mark.parametrize(('there', 'power_ons'), [
@@ -276,7 +274,7 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
 
 
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has():
-    [lane] = new_run(Setup('/imu', TimelineOptions(clock='header'))).lanes
+    [lane] = new_run(Setup((('/imu', None),), TimelineOptions(clock='header'))).lanes
     sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
     assert lane.error == '/imu: header stamps are zero: choose the other clock (parameter clock)'

@@ -6,6 +6,7 @@ from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Span, Timeline, Total
+from imu_allan.state import restored, state_of
 from imu_allan.timeline import TimelineOptions, TimelineStage
 from imu_messages import codes, cut, rows_by_place, run, said, START_NS, still
 import numpy as np
@@ -50,9 +51,9 @@ def test_splits_saves_and_looks_make_no_difference(seed, edges, saved, looked_at
         blocks += stage.push(part)
         came += len(part)
         if came == saved:
-            state = stage.to_state()
+            state = state_of(stage)
             assert all(array.dtype != object for array in state.values())
-            stage = TimelineStage.from_state(state)
+            stage = restored(TimelineStage, state)
         if came == looked_at:
             copy = stage.copy()
             so_far = blocks + copy.flush()
@@ -363,7 +364,7 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
     one, other = still(6000), still(6000, seed=1)
     stage = TimelineStage()
     blocks = stage.push(one)
-    stage = TimelineStage.from_state(stage.to_state())
+    stage = restored(TimelineStage, state_of(stage))
     blocks += stage.break_run()
     pause = 180_000_000_000
     blocks += stage.push(replace(other, header_ns=other.header_ns + pause,
@@ -410,7 +411,7 @@ def test_state_stays_small_once_the_baseline_is_settled():
     stage, sizes = TimelineStage(), []
     for part in cut(still(200_000, 1000.0), range(0, 200_000, 500)):
         stage.push(part)
-        sizes.append(sum(array.nbytes for array in stage.to_state().values())
+        sizes.append(sum(array.nbytes for array in state_of(stage).values())
                      if len(sizes) in (120, 399) else 0)
     assert sizes[399] < 700_000 < sizes[120]
 
