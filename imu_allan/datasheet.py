@@ -10,13 +10,13 @@ tell. An axis that measures nothing fails all its limits. A check of a unit on
 the test bench ends as soon as the verdict is certain (`check_state`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import Literal
 
-from imu_allan.characterization import Characterization
 from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
+from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding_messages import sentence_of
 from imu_allan.noise.axis_fit import AxisFit
@@ -329,21 +329,23 @@ class CheckState:
     recorded_s: float
 
 
-def check_state(halves: Sequence[Characterization], specification: NoiseModel, result: Result,
-                fits: Mapping[str, AxisFit | None], *, shortest_s: float = 0.0) -> CheckState:
+def check_state(result: Result, records: Sequence[FinishedRecord | None],
+                specification: NoiseModel, *, shortest_s: float = 0.0) -> CheckState:
     """
     Compare a unit with its datasheet while it is recorded, each time `next_look` says so.
 
-    `halves`: its samples, of gyroscope and accelerometer apart if they have topics of their own.
-    `result` and `fits` are those of all.
+    `records`: the data of its result, of gyroscope and accelerometer apart if they have topics of
+    their own.
     """
     verdicts = check(result, specification, shortest_s=shortest_s)
     recorded = float('inf')
-    for record in [half.record() for half in halves]:
+    fits: dict[str, AxisFit | None] = {}
+    for record in records:
         if record is None or record.samples < SMALLEST_RECORD:
             return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
                               result.timeline.duration_s)
         recorded = min(recorded, record.samples / record.rate_hz)
+        fits |= record.fits
     tested = ('quantization_noise', *LASTING_TERMS)   # keys of the sequential test
     limited = sum(verdict.key in tested for verdict in verdicts)
     # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.

@@ -150,5 +150,5 @@ def power_law_noise(samples, rng, exponent):
 
 def state_of(stream, specification):
     """Return how a check of a stream stands."""
-    result, fits, _ = stream.fitted()
-    return check_state([stream], specification, result, fits)
+    result, record = stream.fitted()
+    return check_state(result, [record], specification)

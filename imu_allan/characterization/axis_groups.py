@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
@@ -123,7 +125,7 @@ class Group(Record):
         self.estimator.finish()
         spectrum = self.estimator.periodogram
         return FinishedGroup(
-            [list(AXES)[column] for column in self.columns], self.estimator,
+            [list(AXES)[column] for column in self.columns], self.estimator, rate_hz,
             self.thermometer.temperature(spectrum.series, spectrum.cell, 1 / rate_hz))
 
 
@@ -133,12 +135,18 @@ class FinishedGroup:
 
     names: list[str]
     estimator: Estimator    # finished, of these axes
+    rate_hz: float    # samples per second
     heat: Temperature | None = None    # over the same samples
 
     @property
     def temperature(self) -> TemperatureSeries | None:
         """Return the series of the temperature, if it is known and changes."""
         return self.heat.series if self.heat is not None and self.heat.changes else None
+
+    @cached_property
+    def fits(self) -> list[AxisFit | None]:
+        """The fits of these axes."""
+        return fit_axes(self.estimator, 1 / self.rate_hz, self.temperature)
 
     def only(self, name: str) -> Estimator:
         """Return the estimator of one axis."""
@@ -164,6 +172,12 @@ class FinishedRecord:
     def samples(self) -> int:
         """Return the number of samples of the axes that have most."""
         return max(group.estimator.samples for group in self.groups)
+
+    @property
+    def fits(self) -> dict[str, AxisFit | None]:
+        """Return the fits of all axes."""
+        return {name: fit for group in self.groups
+                for name, fit in zip(group.names, group.fits, strict=True)}
 
     def group_of(self, name: str) -> FinishedGroup:
         """Return the group that an axis belongs to."""

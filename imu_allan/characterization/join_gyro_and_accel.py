@@ -6,26 +6,26 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from imu_allan.block import Half
-from imu_allan.characterization.stream import Characterization, Fits
+from imu_allan.characterization.axis_groups import FinishedRecord
+from imu_allan.characterization.stream import Characterization
 from imu_allan.finding import Finding, finding
 from imu_allan.finding_messages import with_words
 from imu_allan.result import Result
 
 
 def fitted(parts: Iterable[tuple[Characterization, Half | None, Sequence[Finding]]]
-           ) -> tuple[Result, Fits]:
+           ) -> tuple[Result, list[FinishedRecord | None]]:
     """
-    Fit what was taken in so far, and return the result of the IMU and the fit of every axis.
+    Fit what was taken in so far; return the result of the IMU, and the data of each part.
 
     `parts`: the samples, which sensor they are of, None for both, and findings of their reader.
     """
-    results: list[tuple[Half | None, Result]] = []
-    fits: Fits = {}
+    results, records = [], []
     for characterization, half, remarks in parts:
-        result, found, _ = characterization.fitted(remarks)
+        result, record = characterization.fitted(remarks)
         results.append((half, result))
-        fits |= {name: fit for name, fit in found.items() if name.startswith(half or '')}
-    return with_words(united(results)), fits
+        records.append(record)
+    return with_words(united(results)), records
 
 
 def united(parts: Sequence[tuple[Half | None, Result]]) -> Result:

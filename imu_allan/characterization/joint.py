@@ -9,7 +9,7 @@ their errors. Recordings of another rate, frame or axes are no series of measure
 rejected; contradictions are reported. This is one module because every step compares the parts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
@@ -24,7 +24,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.allan_deviation import joined_octaves, octaves
-from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
@@ -46,7 +45,6 @@ class _Part:
     start_s: float
     record: FinishedRecord
     result: Result
-    fits: Mapping[str, AxisFit | None]
 
 
 def joint_result(recordings: Sequence[Characterization],
@@ -62,10 +60,10 @@ def joint_result(recordings: Sequence[Characterization],
         raise ImuAllanError('a joint result needs at least two recordings')
     parts, start_s = [], 0.0
     for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
-        result, fits, record = recording.fitted(own)
+        result, record = recording.fitted(own)
         if record is None:
             raise ImuAllanError(f'{recording.path}: holds no usable sample; leave it out')
-        parts.append(_Part(str(recording.path), start_s, record, result, fits))
+        parts.append(_Part(str(recording.path), start_s, record, result))
         start_s += result.timeline.duration_s
     _agree(parts)
     rate = float(np.average([part.record.rate_hz for part in parts],
@@ -138,7 +136,7 @@ def _axis_results(parts: Sequence[_Part], rate_hz: float
             found[name] = replace(parts[0].result.axes[name], signal=None), []
             continue
         records = [part.record.group_of(name).only(name) for part in parts]
-        fits = [fit for part in parts if (fit := part.fits[name]) is not None]
+        fits = [fit for part in parts if (fit := part.record.fits[name]) is not None]
         [(axis, remarks)] = axis_results(
             records[0], rate_hz, [AXES[name]], [joint_fit(fits, 1 / rate_hz) if fits else None],
             joined_octaves([octaves(record) for record in records]))

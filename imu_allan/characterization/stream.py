@@ -28,7 +28,6 @@ from imu_allan.characterization.power_ons import Mark, mark_of, spread_of_means
 from imu_allan.characterization.thermometer import shown, Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
-from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.noise.uncertainty import bounded, leaked_share, widened
@@ -43,7 +42,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Kind = Literal['recording', 'topic']
-Fits = dict[str, AxisFit | None]
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -195,27 +193,24 @@ class Characterization(Record):
             None before the first sample.
 
         """
-        twin = self._finished()
-        return twin._finished_record(twin.summary())
+        return self._finished()[1]
 
-    def _finished(self) -> Characterization:
-        """Return a copy that has taken in what the timeline holds back, if that is usable."""
+    def _finished(self) -> tuple[TimelineSummary, FinishedRecord | None]:
+        """Return summary and data with what the timeline holds back, if that is usable."""
         twin = self.snapshot()
         try:
             twin.finish()
         except ImuAllanError as error:
             # For a short recording, everything is decided here; a topic may get better.
-            if self.kind == 'topic':
-                return self.snapshot()
-            raise ImuAllanError(f'{self.place}: {error}') from error
-        return twin
-
-    def _finished_record(self, summary: TimelineSummary) -> FinishedRecord | None:
+            if self.kind == 'recording':
+                raise ImuAllanError(f'{self.place}: {error}') from error
+            twin = self.snapshot()
+        summary = twin.summary()
         rate = summary.timeline.sample_rate_hz
-        if not self.groups or rate is None:
-            return None
-        return FinishedRecord(summary, rate, tuple(
-            group.finish(rate) for group in self.groups))
+        if not twin.groups or rate is None:
+            return summary, None
+        return summary, FinishedRecord(summary, rate, tuple(
+            group.finish(rate) for group in twin.groups))
 
     def result(self, remarks: Iterable[Finding] = ()) -> Result:
         """
@@ -239,11 +234,9 @@ class Characterization(Record):
         """
         return self.fitted(remarks)[0]
 
-    def fitted(self, remarks: Iterable[Finding] = ()
-               ) -> tuple[Result, Fits, FinishedRecord | None]:
-        """Return the result, as `result` does, and the fits of all axes and data behind it."""
-        twin = self._finished()
-        summary = twin.summary()
+    def fitted(self, remarks: Iterable[Finding] = ()) -> tuple[Result, FinishedRecord | None]:
+        """Return the result, as `result` does, and the data and fits behind it."""
+        summary, record = self._finished()
         if summary.mostly_motion and self.kind == 'recording':
             # Two sensors on one topic look like one that moves.
             mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
@@ -253,7 +246,6 @@ class Characterization(Record):
                 f'{self.place}: the IMU moves during most of the recording. Record it at rest, '
                 'choose a still part with --start and --duration, or keep everything with '
                 f'--motion keep{mixed}')
-        record = twin._finished_record(summary)
         # The reader may know why an axis has no values.
         given = [*remarks]
         known = {(remark.code, remark.axes) for remark in given}
@@ -263,13 +255,15 @@ class Characterization(Record):
                                 summary.start_time, summary.clock),
             summary.timeline, {}, tuple(given))
         if record is None:
-            unknown = (finding('unknown_rate'),) if twin.groups else ()
-            return replace(result, warnings=(*result.warnings, *unknown)), {}, None
-        axes, found, fits = _fitted_axes(record)
+            timeline = summary.timeline
+            unknown = timeline.samples and timeline.sample_rate_hz is None
+            return replace(result, warnings=(
+                *result.warnings, *([finding('unknown_rate')] if unknown else ()))), None
+        axes, found = _fitted_axes(record)
         return replace(
             result, axes=axes, warnings=(*result.warnings, *found),
             turn_on_bias=spread_of_means(self.power_ons, axes, record),
-            temperature=shown(record.groups[0].heat)), fits, record
+            temperature=shown(record.groups[0].heat)), record
 
     def _absorb(self, step: Callable[[], Iterable[EvenBlock]]) -> None:
         """Take in the even blocks that a step of the timeline returns."""
@@ -331,15 +325,13 @@ class Characterization(Record):
             raise ImuAllanError(f'saved characterization: {error.args[0]} is missing') from error
 
 
-def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
-    """Fit every axis; return the results, the findings and the fits."""
+def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Finding]]:
+    """Fit every axis; return the results and the findings."""
     fitted: dict[str, AxisResult] = {}
     found: list[Finding] = []
-    fits: Fits = {}
     for group in record.groups:
-        own, remarks, own_fits = _fitted_group(group, record.rate_hz)
+        own, remarks = _fitted_group(group)
         fitted |= own
-        fits |= own_fits
         found += remarks
         if group is record.groups[0] and group.heat is not None:
             found += thermometer_findings(group.heat)
@@ -349,15 +341,13 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     unclear = {name for remark in found if remark.code in MEAN_MOVES for name in remark.axes}
     return axes, [*with_start(found, axes, summary.timeline.duration_s),
                   *tone_findings(axes, record.rate_hz), *implausible(axes),
-                  *length_findings(axes, summary.timeline, unclear | set(summary.turned))], fits
+                  *length_findings(axes, summary.timeline, unclear | set(summary.turned))]
 
 
-def _fitted_group(group: FinishedGroup, rate_hz: float
-                  ) -> tuple[dict[str, AxisResult], list[Finding], Fits]:
+def _fitted_group(group: FinishedGroup) -> tuple[dict[str, AxisResult], list[Finding]]:
     """Fit the axes of a group, and compare them with each other."""
-    names, finished, dt = group.names, group.estimator, 1 / rate_hz
-    fits = fit_axes(finished, dt, group.temperature)
-    fitted = axis_results(finished, rate_hz, [AXES[name] for name in names], fits)
+    names, finished, dt = group.names, group.estimator, 1 / group.rate_hz
+    fitted = axis_results(finished, group.rate_hz, [AXES[name] for name in names], group.fits)
     tested = backtest(finished.periodogram.series, finished.periodogram.cell, dt)
     axes: dict[str, AxisResult] = {}
     own: list[Finding] = []
@@ -365,4 +355,4 @@ def _fitted_group(group: FinishedGroup, rate_hz: float
         axes[name] = widened(replace(axis, backtest=test if axis.drift_model else None), 0.0,
                              leaked_share(axis, finished.interpolated_share, dt))
         own += [remark.of(name) for remark in remarks]
-    return axes, own, dict(zip(names, fits, strict=True))
+    return axes, own

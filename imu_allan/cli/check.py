@@ -129,10 +129,9 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
             source, recording.size_bytes, wanted=not args.no_progress) as bar, closing(
             growing(recording, choice, next_look, bar)) as looks:
         for taken in looks:
-            result, fits = fitted((one.characterization, one.stream.half, one.remarks())
-                                  for one in taken)
-            found = check_state([one.characterization for one in taken], specification, result,
-                                fits, shortest_s=args.min_duration)
+            result, records = fitted((one.characterization, one.stream.half, one.remarks())
+                                     for one in taken)
+            found = check_state(result, records, specification, shortest_s=args.min_duration)
             if found.decided:
                 break
     # A verdict that may be given at any time needs more evidence than one of the whole recording.

@@ -83,11 +83,10 @@ class Fitting:
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
-            found, fits = fitted(snapshot)
+            found, records = fitted(snapshot)
             result = run.shown_terms.judged(found, more_comes=not to_the_end)
             messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s)
-            comparisons = self._standards.judge(
-                found, [lane.characterization for lane in snapshot], run.datasheet_looks, fits)
+            comparisons = self._standards.judge(found, records, run.datasheet_looks)
             return _Fit(result, messages, comparisons, time.monotonic() - started,
                         time.thread_time() - busy)
 

@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comparison of a running IMU with its datasheet and with an earlier result."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from imu_allan.characterization import Characterization
+from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.datasheet import check, check_state, CheckState, next_look, Verdict, zero_bias
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.parameters import at_home
-from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
@@ -40,13 +39,13 @@ class DatasheetLooks:
         self._next = next_look(0)
         self._decided: CheckState | None = None
 
-    def decided(self, halves: Sequence[Characterization], specification: NoiseModel,
-                result: Result, fits: Mapping[str, AxisFit | None]) -> CheckState | None:
+    def decided(self, result: Result, records: Sequence[FinishedRecord | None],
+                specification: NoiseModel) -> CheckState | None:
         """Look again if it is time to; return the verdict once it is certain, else None."""
         samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
-            now = check_state(halves, specification, result, fits)
+            now = check_state(result, records, specification)
             self._decided = now if now.decided else None
         return self._decided
 
@@ -67,8 +66,8 @@ class Standards:
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
-    def judge(self, result: Result, halves: Sequence[Characterization], looks: DatasheetLooks,
-              fits: Mapping[str, AxisFit | None]) -> list[Comparison]:
+    def judge(self, result: Result, records: Sequence[FinishedRecord | None],
+              looks: DatasheetLooks) -> list[Comparison]:
         """Compare a result with every standard."""
         comparisons = []
         if not result.axes:
@@ -78,7 +77,7 @@ class Standards:
         if self._specification is not None:
             verdicts = check(result, self._specification)
             comparisons.append(_against_specification(verdicts, looks.decided(
-                halves, self._specification, result, fits)))
+                result, records, self._specification)))
         if self._reference is not None:
             comparisons.append(_against_reference(result, self._reference))
         return comparisons

@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
+from imu_allan.characterization import axis_groups
 from imu_allan.characterization.join_gyro_and_accel import fitted
 from imu_allan.finding import finding
 from imu_allan.finding_messages import message_of, with_words
@@ -329,8 +330,8 @@ def written(folder, limit):
 
 
 def judged(standards, run, looks):
-    result, fits, _ = run.fitted()
-    return standards.judge(result, [run], looks, fits)
+    result, record = run.fitted()
+    return standards.judge(result, [record], looks)
 
 
 def above(limit):
@@ -353,10 +354,10 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
     # It stays certain, whatever the next look would say, until the limit is broken.
     assert judged(standards, run, looks) == [finding]
     noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
-    result, fits = fitted(Run([Lane(noisy)]).snapshot())
+    result, records = fitted(Run([Lane(noisy)]).snapshot())
     # A look takes the fits that the result was made of.
-    monkeypatch.setattr(noisy, 'fitted', lambda **_: pytest.fail('fitted again'))
-    assert standards.judge(result, [noisy], looks, fits) == [
+    monkeypatch.setattr(axis_groups, 'fit_axes', lambda *_: pytest.fail('fitted again'))
+    assert standards.judge(result, records, looks) == [
         Comparison('specification', 'error', Varying(above('1.3e-3')))]
 
 
