@@ -93,9 +93,8 @@ CODES: Mapping[str, Code] = {
     'field_absent': _act(messages=Count),
     'interpolated': _act(topic=Text, half=Text),
     'damaged_recording': _know(
-        fault=Literal['chunks', 'holes', 'database', 'bytes', 'file', 'unread'],
-        broken=Count | None, chunks=Count | None, holes=Count | None, first=Text | None,
-        read=Count | None, bytes=Count | None,
+        fault=Literal['places', 'database', 'bytes', 'file', 'unread'],
+        places=Count | None, first=Text | None, read=Count | None, bytes=Count | None,
         reason=Text | None, lost=Count | None, of=Count | None, topic=Text | None),
     'truncated_recording': _know(
         fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,

@@ -326,10 +326,8 @@ WORDS: Mapping[str, Words] = {
         'damaged recording', 'Part of the recording cannot be read; the rest is used.',
         'Checksums or places in the file are wrong.',
         says=_by_fault(
-            chunks='left out {broken:count damaged chunk} of {chunks} (the first {first})[; lost '
-                   '{lost} of {of} messages of {topic}]',
-            holes='left out {holes:count place} without records (the first: {first})[; lost '
-                  '{lost} of {of} messages of {topic}]',
+            places='left out {places:count damaged place} (the first {first})[; lost {lost} of '
+                   '{of} messages of {topic}]',
             database='the database is damaged ({reason}): {read:count message} of {topic} could '
                      'be read, the rest is lost',
             bytes='left out {bytes:,} damaged bytes',

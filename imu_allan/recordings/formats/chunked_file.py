@@ -18,7 +18,6 @@ from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages, Recording
-from imu_allan.wording import counted
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,7 +149,8 @@ class ChunkedRecording(FileRecording):
         except DamagedData as error:
             fault = str(error)
         if fault:
-            reading.note_damaged_chunk(part.start, fault)
+            reading.broken_chunks += 1
+            reading.note_damage(part.start, fault)
         return batches
 
     def _scan(self, file: BinaryIO) -> None:
@@ -168,7 +168,8 @@ class ChunkedRecording(FileRecording):
                 self._intact(reading, part)
         if not self._counts:
             self._counts, self._counted = dict(counts), bool(counts)
-        if not self._channels and (reason := reading.summary()):
+        reason = reading.first_damage or (reading.end if reading.end != _UNWRITTEN else '')
+        if reason and not self._channels:
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
@@ -235,8 +236,7 @@ class ChunkedRecording(FileRecording):
         left = self.size_bytes - at
         reading.lost_bytes += (known or self.size_bytes) - at
         if known is not None:
-            reading.holes += 1
-            reading.first_hole = reading.first_hole or f'{known - at} bytes from byte {at} on'
+            reading.note_damage(at, f'{known - at} bytes are no records')
         elif left == 0:
             reading.end = _UNWRITTEN
         elif in_chunk:
@@ -255,23 +255,15 @@ class Reading:
     wanted: AbstractSet[int] = frozenset()
     chunks: int = 0
     broken_chunks: int = 0
-    first_broken: str = ''
-    holes: int = 0
-    first_hole: str = ''
+    damaged: int = 0
+    first_damage: str = ''
     end: str = ''
     lost_bytes: int = 0
 
-    def note_damaged_chunk(self, at: int, reason: str) -> None:
-        """Note a chunk with damaged content."""
-        self.broken_chunks += 1
-        self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
-
-    def summary(self) -> str:
-        """Describe the damage briefly; return '' if there is none."""
-        if self.broken_chunks:
-            return (f'{counted(self.broken_chunks, "damaged chunk")} of {self.chunks} '
-                    f'(the first {self.first_broken})')
-        return self.first_hole if self.holes else self.end if self.end != _UNWRITTEN else ''
+    def note_damage(self, at: int, reason: str) -> None:
+        """Note a place that is passed over."""
+        self.damaged += 1
+        self.first_damage = self.first_damage or f'at byte {at}: {printable(reason)}'
 
     def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
         """Add remarks to `recording`; `lost` of `expected` messages could not be read."""
@@ -283,13 +275,9 @@ class Reading:
         if self.end:
             recording.remark('truncated_recording', fault='ends', end=self.end,
                              whole_chunks=self.chunks, lost_share=of_bytes)
-        if self.broken_chunks:
+        if self.damaged:
             recording.remark(
-                'damaged_recording', fault='chunks', broken=self.broken_chunks,
-                chunks=self.chunks, first=self.first_broken, lost_share=share, **messages)
-        elif self.holes:
-            recording.remark(
-                'damaged_recording', fault='holes', holes=self.holes, first=self.first_hole,
+                'damaged_recording', fault='places', places=self.damaged, first=self.first_damage,
                 lost_share=share, **messages)
         elif messages and not self.end:
             recording.remark('damaged_recording', fault='unread', lost_share=share, **messages)

@@ -111,9 +111,8 @@ def what_damages(path, start):
     assert 800 < len(after) < 1000
     first = remark.values['first']
     assert figures(first)[0] == start + 9
-    assert remark == said(path, 'damaged_recording', fault='chunks', broken=1, first=first,
-                          chunks=len(chunk_starts(path)), lost=1000 - len(after), of=1000,
-                          topic='/imu')
+    assert remark == said(path, 'damaged_recording', fault='places', places=1, first=first,
+                          lost=1000 - len(after), of=1000, topic='/imu')
     return first
 
 
@@ -187,10 +186,10 @@ def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
     assert len(after) == len(MESSAGES)
     assert end == said(path, 'truncated_recording', fault='ends', whole_chunks=48,
                        end=end.values['end'])
-    assert broken == said(path, 'damaged_recording', fault='chunks', chunks=48,
-                          broken=broken.values['broken'], first=broken.values['first'],
+    assert broken == said(path, 'damaged_recording', fault='places',
+                          places=broken.values['places'], first=broken.values['first'],
                           severity='act')
-    assert 25 < broken.values['broken'] < 40
+    assert 25 < broken.values['places'] < 40
     assert figures(broken.values['first'])[1:] == [1000]
 
 
