@@ -228,18 +228,15 @@ def why_left_out(axis: AxisResult) -> str:
 
 def _grouped(findings: Sequence[Finding]) -> list[Finding]:
     """Merge findings that differ only in axis and numbers."""
-    groups: dict[object, list[Finding]] = {}
-    for found in findings:
-        key: object = len(groups)
-        if len(found.axes) == 1:
-            key = (found.code, found.severity, *(
-                (name, ... if _is_number(value) else value)
-                for name, value in sorted(found.values.items())))
-        same = groups.setdefault(repr(key), [])
-        if any(one.axes == found.axes for one in same):
-            groups[len(groups), 'again'] = [found]
-        else:
-            same.append(found)
+    groups: dict[str, list[Finding]] = {}
+    for place, found in enumerate(findings):
+        key = repr((found.code, found.severity, *(
+            (name, ... if _is_number(value) else value)
+            for name, value in sorted(found.values.items()))))
+        # A second one on the same axis stays apart.
+        if len(found.axes) != 1 or any(one.axes == found.axes for one in groups.get(key, ())):
+            key = str(place)
+        groups.setdefault(key, []).append(found)
     return [_joined(same) for same in groups.values()]
 
 

@@ -49,8 +49,8 @@ class Chart:
     focus: str = ''
 
 
-Draw = Callable[[Drawing, bool], None]
-"""What draws a chart, for a phone if the second argument is true."""
+Draw = Callable[[Drawing], None]
+"""What draws a chart, for desktop or phone."""
 
 
 def both(name: str, label: str, height: float, narrow_height: float, draw: Draw) -> str:
@@ -58,7 +58,7 @@ def both(name: str, label: str, height: float, narrow_height: float, draw: Draw)
     drawings = []
     for size, width, tall in (('at-desk', 1080.0, height), ('on-phone', 380.0, narrow_height)):
         drawing = Drawing(width, tall, f'{name}-{size}', label)
-        draw(drawing, size == 'on-phone')
+        draw(drawing)
         drawings.append(drawing.svg(size))
     return ''.join(drawings)
 
@@ -78,21 +78,21 @@ def of(name: str, before: str = '') -> tuple[str, str]:
     return name[-1], f'{before}axis-{name[-1]}'
 
 
-def box_of(drawing: Drawing, narrow: bool) -> Box:
+def box_of(drawing: Drawing) -> Box:
     """Return the position of the axes in a drawing."""
-    return (56.0 if narrow else 64.0, 26, drawing.width - (14 if narrow else 68),
-            drawing.height - 46)
+    left, right = (56.0, 14.0) if drawing.narrow else (64.0, 68.0)
+    return left, 26, drawing.width - right, drawing.height - 46
 
 
-def log_panel(drawing: Drawing, narrow: bool, ends: tuple[float, float],
-              limits: tuple[float, float], unit: str, x_title: str, y_title: str, power: int = 1
-              ) -> Panel:
+def log_panel(drawing: Drawing, ends: tuple[float, float], limits: tuple[float, float], unit: str,
+              x_title: str, y_title: str, power: int = 1) -> Panel:
     """Return a panel with units of datasheets on the left and, if it is wide, SI on the right."""
     factor, shown = engineering(1.0, unit)
     left, right = (f'[{typeset(one)}]' if power == 1 else f'[({typeset(one)})²/Hz]'
                    for one in (shown, unit))
-    return drawing.panel(box_of(drawing, narrow), (*ends, True), (*limits, True),
-                         (x_title, f'{y_title} {left}', '' if narrow else right), factor**power)
+    return drawing.panel(
+        box_of(drawing), (*ends, True), (*limits, True),
+        (x_title, f'{y_title} {left}', '' if drawing.narrow else right), factor**power)
 
 
 def shape_of(name: str) -> str:
@@ -119,8 +119,8 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     limits = curves.limits_of(known.values(), rings=True)
     models = {name: curves.model_curve(axis, timeline) for name, axis in known.items()}
 
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _allan_panel(drawing, narrow, sensor, known.values(), limits, 1.9)
+    def draw(drawing: Drawing) -> None:
+        panel = _allan_panel(drawing, sensor, known.values(), limits, 1.9)
         with panel.framed():
             for name, axis in known.items():
                 model = models[name]
@@ -138,7 +138,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                                    (axis.curve.tau_s, axis.curve.adev), models[name][:2])])
             for name, axis in known.items():
                 with panel.group(name[-1], 'detail'):
-                    _label_terms(panel, axis, avoid, brief=narrow)
+                    _label_terms(panel, axis, avoid, brief=drawing.narrow)
 
     caption = ('Points: measured, hollow where few averages stand behind one. Line: reported. '
                'Of the axis chosen: 95 % of the points should fall into the shade, unless the '
@@ -151,12 +151,12 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                         known, worst_axis(known))
 
 
-def _allan_panel(drawing: Drawing, narrow: bool, sensor: str, axes: Collection[AxisResult],
+def _allan_panel(drawing: Drawing, sensor: str, axes: Collection[AxisResult],
                  limits: tuple[float, float], beyond: float) -> Panel:
     """Return the panel for curves within `limits`; extend the time axis by `beyond`."""
     ends = (min(axis.curve.tau_s[0] for axis in axes) / 1.5,
             max(axis.curve.tau_s[-1] for axis in axes) * beyond)
-    return log_panel(drawing, narrow, ends, limits, next(iter(axes)).unit,
+    return log_panel(drawing, ends, limits, next(iter(axes)).unit,
                      'averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]}')
 
 
@@ -207,9 +207,8 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
     found = [item for _, item, _ in known.values()]
     kinds = {place: f'result-{int(place) % 7}' for place in known}
 
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = _allan_panel(drawing, narrow, axis.partition('_')[0], found,
-                             curves.limits_of(found), 1.6)
+    def draw(drawing: Drawing) -> None:
+        panel = _allan_panel(drawing, axis.partition('_')[0], found, curves.limits_of(found), 1.6)
         with panel.framed():
             for place, (name, item, timeline) in known.items():
                 seen = np.array(item.curve.adev) > 0
@@ -245,8 +244,8 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     if warm:
         strips.append(('°C', 'warmth', result.temperature, 1.0))
 
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        left, top, right, _ = box_of(drawing, narrow)
+    def draw(drawing: Drawing) -> None:
+        left, top, right, _ = box_of(drawing)
         strip = 52.0
         split = drawing.height - 46 - strip * len(strips) - 26
 
@@ -322,8 +321,8 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
     lowest = min(1 / timeline.duration_s, rate / 4)
     frequency = np.geomspace(lowest, rate / 2, 160)
 
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = log_panel(drawing, narrow, (lowest / 1.2, rate / 2 * 1.2), limits, unit,
+    def draw(drawing: Drawing) -> None:
+        panel = log_panel(drawing, (lowest / 1.2, rate / 2 * 1.2), limits, unit,
                           'frequency [Hz]', 'power spectral density, two-sided', 2)
         for name, axis in known.items():
             if axis.band_edge_hz is not None:
@@ -379,8 +378,8 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     ends = float(horizons.min()) / 1.4, float(horizons.max()) * 1.4
     limits = float(values.min()) / 1.7, float(values.max()) * 1.7
 
-    def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = log_panel(drawing, narrow, ends, limits, unit, 'unaided time [s]',
+    def draw(drawing: Drawing) -> None:
+        panel = log_panel(drawing, ends, limits, unit, 'unaided time [s]',
                           f'error of the mean {SAMPLES[sensor]} over it')
         with panel.framed():
             for name, axis in known.items():

@@ -20,9 +20,9 @@ from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
 
 
-def sensors_of(result: Result) -> list[str]:
-    """Return which of gyro and accel are in the result."""
-    return [sensor for sensor in SENSORS if axes_of(result, sensor)]
+def by_sensor(result: Result) -> dict[str, dict[str, AxisResult]]:
+    """Return the axes of gyro and accel by name, of those that are in the result."""
+    return {sensor: axes for sensor in SENSORS if (axes := axes_of(result, sensor))}
 
 
 def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:

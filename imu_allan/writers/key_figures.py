@@ -23,7 +23,7 @@ from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import known_less_than, predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.writers.curves import axes_of, reported, sensors_of
+from imu_allan.writers.curves import axes_of, by_sensor, reported
 
 AIDING_S = 0.1
 """Interval in seconds between corrections of the filter, by a camera or wheel odometry at 10
@@ -82,8 +82,7 @@ def figures_of(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAS
                ) -> list[KeyFigures]:
     """Return the key figures of each sensor in the result of one recording."""
     found = []
-    for sensor in sensors_of(result):
-        axes = axes_of(result, sensor)
+    for sensor, axes in by_sensor(result).items():
         known = {name: axis for name, axis in axes.items()
                  if axis.drift_model is not None and not axis.constant}
         tunings = {}

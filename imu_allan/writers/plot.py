@@ -79,14 +79,13 @@ def overview_png(result: Result) -> bytes:
 def overview_figure(result: Result) -> 'Figure':
     """Draw the Allan deviation of all axes, coefficients above and signal below, on one sheet."""
     with panels.plot_style():
-        sensors = curves.sensors_of(result)
+        sensors = curves.by_sensor(result)
         halves = max(1, len(sensors))
-        live = [sensor for sensor in sensors
-                if any(any(axis.curve.adev) for axis in curves.axes_of(result, sensor).values())]
+        live = [sensor for sensor, axes in sensors.items()
+                if any(any(axis.curve.adev) for axis in axes.values())]
         figure = panels.empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
         _write_heading(figure, result)
-        for column, sensor in enumerate(sensors):
-            axes = curves.axes_of(result, sensor)
+        for column, (sensor, axes) in enumerate(sensors.items()):
             left, width = column / halves, 1 / halves
             if sensor not in live:
                 _write_why(figure, left + 0.04 * width, sensor, axes)
@@ -204,8 +203,8 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
     if what:
         title = f'{what}   {title}'
         key += '.  Dashed: its terms.  Ring: where the coefficient is read'
-    sensors = [curves.axes_of(result, sensor).values() for sensor in curves.sensors_of(result)]
-    if any(curves.beyond(axes, curves.limits_of(axes, rings=bool(what))) for axes in sensors):
+    if any(curves.beyond(axes.values(), curves.limits_of(axes.values(), rings=bool(what)))
+           for axes in curves.by_sensor(result).values()):
         key += ';  arrow: a point beyond'
     top = figure.get_figheight()
     for text, below, size, colour, weight in (

@@ -24,7 +24,7 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.writers import charts, key_figures
 from imu_allan.writers.comparison import compare, shown, verdicts
-from imu_allan.writers.curves import axes_of, reported
+from imu_allan.writers.curves import by_sensor, reported
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.key_figures import findings_line, verdict_lines, VERDICT_TEXT
 from imu_allan.writers.pages import rendered, text_of
@@ -33,7 +33,7 @@ from imu_allan.writers.pages import rendered, text_of
 def report_html(result: Result) -> str:
     """Return the report of one result."""
     found, timeline = key_figures.figures_of(result), result.timeline
-    tables = {figures.sensor: axes_of(result, figures.sensor) for figures in found}
+    tables = by_sensor(result)
     tunings = {name: tuning for figures in found for name, tuning in figures.tunings.items()}
     allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes in tables.items()]
     # Group the other charts by kind, each for both sensors.

@@ -20,7 +20,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.recordings.open_recording import holds_recording
 from imu_allan.result import AxisResult, Result
 from imu_allan.writers import atomic, plot
-from imu_allan.writers.curves import sensors_of
+from imu_allan.writers.curves import by_sensor
 from imu_allan.writers.filters import CONSUMERS, export
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def report_files(result: Result, formats: Sequence[str] = plot.FORMATS) -> atomi
     files: atomic.Files = {
         'report.html': lambda: report_html(result).encode(),
         **_plots(lambda: plot.overview_figure(result), 'allan_deviation', formats)}
-    for sensor in sensors_of(result):
+    for sensor in by_sensor(result):
         files |= _plots(partial(plot.sensor_figure, result, sensor), sensor, formats)
     return files
 

@@ -280,6 +280,11 @@ class Drawing:
     label: str
     parts: list[str] = field(default_factory=list)
 
+    @property
+    def narrow(self) -> bool:
+        """Whether it is for a phone."""
+        return self.width < 500
+
     def panel(self, box: Box, x: tuple[float, float, bool], y: tuple[float, float, bool],
               titles: tuple[str, str, str], factor: float = 1.0) -> Panel:
         """Return a panel that fills a box; `x` and `y`: lowest, highest, whether logarithmic."""
