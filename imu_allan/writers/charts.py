@@ -64,10 +64,11 @@ def both(name: str, label: str, height: float, narrow_height: float, draw: Draw)
 
 
 def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
-                 heights: tuple[float, float], draw: Draw, axes: Mapping[str, AxisResult],
-                 focus: str = '') -> Chart:
-    """Return a chart of the axes of a sensor."""
+                 heights: tuple[float, float], draw: Draw, axes: Mapping[str, AxisResult], *,
+                 focused: bool = True) -> Chart:
+    """Return a chart of the axes of a sensor; if `focused`, with the worst one in focus."""
     name = f'{sensor}-{kind}'
+    focus = (curves.worst_of(axes, 'noise_density') or next(iter(axes)))[-1] if focused else ''
     return Chart(name, f'{SENSORS[sensor]}: {title}', caption,
                  both(name, f'{SENSORS[sensor]}: {label}', *heights, draw),
                  tuple((*of(axis), f'{axis[-1]} axis') for axis in axes), focus)
@@ -98,11 +99,6 @@ def log_panel(drawing: Drawing, ends: tuple[float, float], limits: tuple[float, 
 def shape_of(name: str) -> str:
     """Return the marker shape of an axis."""
     return SHAPES['xyz'.index(name[-1])]
-
-
-def worst_axis(axes: Mapping[str, AxisResult]) -> str:
-    """Return the letter of the axis with the largest noise density."""
-    return max(axes, key=lambda name: axes[name].coefficients['noise_density'].value or 0.0)[-1]
 
 
 def padded(low: float, high: float) -> tuple[float, float, bool]:
@@ -148,7 +144,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         caption += ' Arrow: a point beyond the axes.'
     return sensor_chart(sensor, 'allan', 'Allan deviation',
                         'Allan deviation against averaging time', caption, (470, 330), draw,
-                        known, worst_axis(known))
+                        known)
 
 
 def _allan_panel(drawing: Drawing, sensor: str, axes: Collection[AxisResult],
@@ -291,7 +287,8 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         shades.append('°C: of the thermometer beside the sensor.')
     height = 406 if warm else 354
     return sensor_chart(sensor, 'signal', 'the signal', 'mean and extremes over time',
-                        ' '.join([text, *shades]), (height, height), draw, known)
+                        ' '.join([text, *shades]), (height, height), draw, known,
+                        focused=False)
 
 
 def _shade(panel: Panel, timeline: Timeline, scale: float, axes: Mapping[str, AxisResult]) -> None:
@@ -352,7 +349,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
         'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, low-pass '
         'included; white noise of density N stands at N². Upright: lines that were left out of '
         'the fit.' + (' Shaded: frequencies that were left out.' if shaded else ''), (400, 320),
-        draw, known, worst_axis(known))
+        draw, known)
 
 
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
@@ -402,4 +399,4 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
         'Line: expected error of a filter with the tuned numbers.' + (
             ' Points: what happened in the part of the recording that the model was not fitted '
             'to. Of the axis chosen, 95 % of them should fall into the shade.'
-            if tested else ''), (340, 300), draw, known, worst_axis(known))
+            if tested else ''), (340, 300), draw, known)

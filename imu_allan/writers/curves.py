@@ -6,7 +6,7 @@ Arrays to draw for a result, shared by pictures and page so that they agree.
 They are curves, spectra and axis limits; nothing here depends on how they are drawn.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple
 
@@ -35,6 +35,15 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
     """Return the observable coefficients of an axis by key, in SI units."""
     return {key: axis.coefficients[key].value or 0.0 for key in TERMS
             if axis.coefficients[key].observable}
+
+
+def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
+    """Return the axis with the largest value or, if there are no values, the largest bound."""
+    seen = {name: axis.coefficients[key] for name, axis in axes.items()}
+    values = {name: c.value for name, c in seen.items() if c.value is not None}
+    if not values:
+        values = {name: c.upper95 for name, c in seen.items() if c.upper95 is not None}
+    return max(values, key=values.__getitem__, default=None)
 
 
 def rate_of(axis: AxisResult, timeline: Timeline) -> float | None:

@@ -34,8 +34,7 @@ _LONGEST = 110
 def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
     """Return the verdict on the whole sensor, and the reasons against a pass, with figures."""
     outcome = overall(verdicts)
-    return outcome, [_with_figures(verdict) for verdict in verdicts
-                     if verdict.verdict == outcome != 'pass']
+    return outcome, reasons([verdict for verdict in verdicts if verdict.verdict == outcome])[0]
 
 
 def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:

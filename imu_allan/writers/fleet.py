@@ -36,8 +36,8 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import counted, listed, named, number, ranged, rounded
 from imu_allan.writers.atomic import write_files
-from imu_allan.writers.curves import axes_of, reported
-from imu_allan.writers.key_figures import findings_line, worst_of
+from imu_allan.writers.curves import axes_of, reported, worst_of
+from imu_allan.writers.key_figures import findings_line
 from imu_allan.writers.pages import rendered, text_of
 from imu_allan.writers.panels import COLOURS, SERIES
 from imu_allan.writers.plot import curves_figure, render

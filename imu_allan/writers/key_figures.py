@@ -23,7 +23,7 @@ from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import known_less_than, predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.writers.curves import axes_of, by_sensor, reported
+from imu_allan.writers.curves import axes_of, by_sensor, reported, worst_of
 
 AIDING_S = 0.1
 """Interval in seconds between corrections of the filter, by a camera or wheel odometry at 10
@@ -98,15 +98,6 @@ def figures_of(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAS
             tunings, _for_filter(axes, tunings.values()), *_forecast(sensor, known, coast_s),
             known_less_than(known, coast_s) is not None))
     return found
-
-
-def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
-    """Return the axis with the largest value or, if there are no values, the largest bound."""
-    seen = {name: axis.coefficients[key] for name, axis in axes.items()}
-    values = {name: c.value for name, c in seen.items() if c.value is not None}
-    if not values:
-        values = {name: c.upper95 for name, c in seen.items() if c.upper95 is not None}
-    return max(values, key=values.__getitem__, default=None)
 
 
 def _for_filter(axes: Mapping[str, AxisResult], tunings: Collection[FilterTuning]

@@ -129,8 +129,6 @@ class Panel:
     x_title, y_title : str
     second : str
         Title of an axis on the right, in the unit of y; empty if there is none.
-    clip : str
-        Identifier of the clip path, unique in the page.
 
     """
 
@@ -142,7 +140,6 @@ class Panel:
     x_title: str
     y_title: str
     second: str
-    clip: str
 
     def framed(self, *, x_labels: bool = True, most_y: int = 8) -> AbstractContextManager[None]:
         """Draw grid, ticks, titles and frame, and clip what is drawn within the context."""
@@ -169,8 +166,9 @@ class Panel:
                 line('tickmark', right, at, right + 5, at)
                 text(right + 9, at + FONT * 0.35, label, 'tick')
             text(right + 50, top - 9, self.second, 'title', 'end')
-        return self._within(
-            f'<rect class="frame" {_place(*self.box)}/><g clip-path="url(#{self.clip})">')
+        place, clip = _place(*self.box), f'{self.drawing.name}-clip{len(self.drawing.parts)}'
+        return self._within(f'<clipPath id="{clip}"><rect {place}/></clipPath>'
+                            f'<rect class="frame" {place}/><g clip-path="url(#{clip})">')
 
     def group(self, name: str, kind: str) -> AbstractContextManager[None]:
         """Group what is drawn within the context, which is shown and hidden together."""
@@ -289,10 +287,7 @@ class Drawing:
               titles: tuple[str, str, str], factor: float = 1.0) -> Panel:
         """Return a panel that fills a box; `x` and `y`: lowest, highest, whether logarithmic."""
         left, top, right, bottom = box
-        clip = f'{self.name}-clip{len(self.parts)}'
-        self.parts.append(f'<clipPath id="{clip}"><rect {_place(*box)}/></clipPath>')
-        return Panel(self, box, Scale(*x, left, right), Scale(*y, bottom, top), factor, *titles,
-                     clip)
+        return Panel(self, box, Scale(*x, left, right), Scale(*y, bottom, top), factor, *titles)
 
     def text(self, x: float, y: float, text: str, kind: str, anchor: str = 'start') -> None:
         """Draw a text."""
