@@ -117,7 +117,7 @@ def write_state(path: str, rate: float, hours: float) -> None:
     from imu_allan.node.run import new_run, pack, Setup
     from imu_allan.node.storage import StateFile
 
-    setup = Setup((('/imu/data_raw', None),))
+    setup = Setup(('/imu/data_raw',))
     run = new_run(setup)
     random_numbers = np.random.default_rng(2)
     for number in range(-round(hours * 3600 * rate / BLOCK), 0):

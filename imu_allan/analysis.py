@@ -138,6 +138,8 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
     """Return the result of one recording."""
+    from imu_allan.characterization.join_gyro_and_accel import united
+
     with choice.opened(path) if recording is None else nullcontext(
             recording.for_another_topic()) as opened:
         taken = _taken(opened, choice, progress)
@@ -150,11 +152,12 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
                       '; see what it holds with imu_allan info')
             raise ImuAllanError(f'{one.characterization.place}: no usable sample{advice}')
         results.append(result)
-    return _as_one(taken, results)
+    return united(results)
 
 
 def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:
     """Return the joint result of several recordings, for each half of the IMU if it has two."""
+    from imu_allan.characterization.join_gyro_and_accel import united
     from imu_allan.characterization.joint import joint_result
 
     for other, path in combinations(paths, 2):
@@ -180,7 +183,7 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
     results = [joint_result([one.characterization for one in half],
                             [one.remarks() for one in half])
                for half in zip(*recordings, strict=True)]
-    return _as_one(recordings[0], results)
+    return united(results)
 
 
 def same_messages_error(one: AnyPath, other: AnyPath) -> ImuAllanError:
@@ -275,9 +278,3 @@ def in_si_units(recording: Recording, stream: Stream, progress: Progress
     if recording.options.accel_unit is None and recording.options.accel is None:
         blocks = unit.each(blocks)
     return blocks, lambda: [*unit.remarks, *seen.remarks]
-
-
-def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
-    """Return the result of the IMU, from one stream or from gyroscope and accelerometer."""
-    from imu_allan.characterization.join_gyro_and_accel import united
-    return united([(one.stream.half, result) for one, result in zip(taken, results, strict=True)])

@@ -129,8 +129,7 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
             source, recording.size_bytes, wanted=not args.no_progress) as bar, closing(
             growing(recording, choice, next_look, bar)) as looks:
         for taken in looks:
-            result, records = fitted((one.characterization, one.stream.half, one.remarks())
-                                     for one in taken)
+            result, records = fitted((one.characterization, one.remarks()) for one in taken)
             found = check_state(result, records, specification, shortest_s=args.min_duration)
             if found.decided:
                 break

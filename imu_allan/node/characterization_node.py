@@ -88,12 +88,9 @@ class CharacterizationNode(AnyExecutorNode):
         self._facts.errors = self._worker.errors
         self._fitting = Fitting(name, self._outputs, self._worker, self._facts,
                                 self._receptions[0].changes, values)
-        setup = Setup(
-            tuple((reception.facts.topic, reception.facts.half)
-                  for reception in self._receptions),
-            TimelineOptions(clock=values['clock'], gap_tolerance=values['gap_tolerance'],
-                            motion=values['motion']),
-            {name: values[name] for name in READING if values[name]})
+        setup = Setup(tuple(subscribed), TimelineOptions(
+            clock=values['clock'], gap_tolerance=values['gap_tolerance'],
+            motion=values['motion']), {name: values[name] for name in READING if values[name]})
         self._thermometer = Thermometer(self, self._log, self._facts, len(subscribed),
                                         values['temperature_topic'])
         warn_of_unknown(self, qos=True)

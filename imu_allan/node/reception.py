@@ -277,8 +277,10 @@ class Reception:
                 for key in dict.fromkeys(keys.tolist())]
 
     def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
-        return self._decode([batch.messages[row] for row in rows.tolist()],
-                            batch.receive_ns[rows], self._count_malformed)
+        blocks = self._decode([batch.messages[row] for row in rows.tolist()],
+                              batch.receive_ns[rows], self._count_malformed)
+        half = self.facts.half
+        return blocks if half is None else [block.only(half) for block in blocks]
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count

@@ -14,7 +14,7 @@ import secrets
 from typing import Any, NamedTuple
 
 from imu_allan.arrays import Ints
-from imu_allan.block import Half, ImuBlock
+from imu_allan.block import ImuBlock
 from imu_allan.cdr import IMU_TYPE
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
@@ -216,7 +216,6 @@ class LaneSnapshot(NamedTuple):
     """Everything that a lane has taken in up to a moment."""
 
     characterization: Characterization
-    half: Half | None
     remarks: Sequence[Finding]
 
     def finish(self) -> str:
@@ -234,7 +233,6 @@ class Lane:
     """What a run takes in from one topic, and what the node remembers about its samples."""
 
     characterization: Characterization
-    half: Half | None = None
     unit: AccelerationUnit = field(default_factory=AccelerationUnit)
     known: Known = field(default_factory=Known)
     seen: Seen = field(default_factory=Seen)
@@ -260,7 +258,7 @@ class Lane:
         copy = self.characterization.snapshot()
         for block in self.unit.waiting:
             self._pass_on(block, copy)
-        return LaneSnapshot(copy, self.half, self.unit.remarks)
+        return LaneSnapshot(copy, self.unit.remarks)
 
     def power_on(self) -> None:
         """Start a new power cycle, whose mean is separate from that of earlier samples."""
@@ -290,7 +288,7 @@ class Lane:
 
     def _pass_on(self, block: ImuBlock, to: Characterization) -> None:
         try:
-            to.update(block if self.half is None else block.only(self.half))
+            to.update(block)
         except ImuAllanError as error:
             self.error = useless(error, self.characterization)
 
@@ -341,16 +339,11 @@ def useless(error: ImuAllanError, of: Characterization) -> str:
 class Setup:
     """Settings that a run depends on."""
 
-    streams: tuple[tuple[str, Half | None], ...]
-    """Each topic, with its sensor if only one is taken from it."""
+    topics: tuple[str, ...]
+    """That of the IMU, or those of its gyroscope and its accelerometer."""
     options: TimelineOptions = TimelineOptions()  # noqa: RUF009
     reading: dict[str, str] = field(default_factory=lambda: {'imu_type': IMU_TYPE})
     """The parameters that say how messages are read, those that are not empty."""
-
-    @property
-    def topics(self) -> str:
-        """Both topics as text, or the only one."""
-        return ', '.join(topic for topic, _ in self.streams)
 
 
 @dataclass
@@ -392,7 +385,7 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
         raise UnusableState('damaged', f'a part is missing ({error})') from error
     if saved.setup != setup:
         raise UnusableState('settings', 'it was made with other parameters or of another topic, '
-                            f'{saved.setup.topics}')
+                            f'{", ".join(saved.setup.topics)}')
     run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
     same_boot = bool(saved.boot) and saved.boot == boot_id()
     for lane, kept in zip(run.lanes, saved.lanes, strict=True):
@@ -424,8 +417,7 @@ def new_run(setup: Setup, **kept: Any) -> Run:
     # A unit that is named is converted with the messages; else it is found from the samples.
     in_g = False if {'accel_unit', 'accel_field'} & setup.reading.keys() else None
     return Run([Lane(Characterization(kind='topic', topic=topic, options=setup.options),
-                     half, AccelerationUnit(in_g))
-                for topic, half in setup.streams], **kept)
+                     AccelerationUnit(in_g)) for topic in setup.topics], **kept)
 
 
 def boot_id() -> str:

@@ -284,7 +284,8 @@ class Storage:
             if not result.axes:
                 why = '; '.join(filter(None, [one.finish() for one in snapshot]))
                 raise TooEarly('nothing to save: ' + (
-                    why or f'too few usable samples have come from {self._setup.topics} yet'))
+                    why or f'too few usable samples have come from '
+                           f'{", ".join(self._setup.topics)} yet'))
             start = (result.source.start_time or 'unknown').removesuffix('Z')
             own = at_home(folder, 'output_dir') / re.sub(
                 r'[^A-Za-z0-9_-]+', '-',

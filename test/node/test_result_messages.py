@@ -309,7 +309,7 @@ def test_what_one_look_finds_by_chance_is_not_said_unless_it_is_the_last(result)
 
 
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
-    setup = Setup((('/imu', None),))
+    setup = Setup(('/imu',))
     run = new_run(setup)
     published(run.shown_terms, at(result, 800.0, False))
     # As often as it is started anew: a run is one.

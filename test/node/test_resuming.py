@@ -39,7 +39,7 @@ from whole_lines import refused, unwritable, Varying
 PERIOD_S = 1.0
 LATE_S = 0.2
 """How late a report may be about what had been received."""
-SETUP = Setup((('/imu', None),))
+SETUP = Setup(('/imu',))
 STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
          'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
          'empty': np.empty((0, 6))}
@@ -53,7 +53,7 @@ def start(ros):
 
 def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     topic = ros.name('imu/data_raw')
-    setup = Setup(((topic, None),))
+    setup = Setup((topic,))
     run = new_run(setup)
     run.lanes[0].update([at_rest(2000)])
     good, whole = encode_state(pack(run, setup)), encode_state({'a': np.zeros(9)})

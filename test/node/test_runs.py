@@ -24,8 +24,8 @@ import pytest
 from ros_harness import assert_density, at_rest, half, Heard, NOISE, SECOND, START_NS
 
 RATE_HZ, PROVEN_S = 100.0, 300.0
-SETUP = Setup((('/imu', None),))
-HALVES = Setup((('/gyro', 'gyro'), ('/accel', 'accel')))
+SETUP = Setup(('/imu',))
+HALVES = Setup(('/gyro', '/accel'))
 
 
 def resumed(run, setup=SETUP):
@@ -46,7 +46,7 @@ class World:
     def __init__(self, run=None, setup=SETUP):
         heard = Heard()
         self.lines = heard.lines
-        self.facts = [Facts(topic, 10_000, 0.0) for topic, _ in setup.streams]
+        self.facts = [Facts(topic, 10_000, 0.0) for topic in setup.topics]
         # Who is there, and the runs that others have taken the place of.
         self.there = set()
         self.replaced = []
@@ -245,7 +245,7 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
     world = World(setup=HALVES)
 
     def comes(name, *part, **other):
-        world.comes(replace(half(name, *part), **other), number=('gyro', 'accel').index(name))
+        world.comes(replace(half(name, *part).only(name), **other), number=('gyro', 'accel').index(name))
 
     comes('gyro', 12.0)
     comes('accel', 12.0)
@@ -274,7 +274,7 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
 
 
 def test_stamps_that_the_user_insists_on_are_refused_with_a_remedy_that_a_node_has():
-    [lane] = new_run(Setup((('/imu', None),), TimelineOptions(clock='header'))).lanes
+    [lane] = new_run(Setup(('/imu',), TimelineOptions(clock='header'))).lanes
     sound = at_rest(6000)
     lane.update([replace(sound, header_ns=np.zeros_like(sound.header_ns))])
     assert lane.error == '/imu: header stamps are zero: choose the other clock (parameter clock)'

@@ -106,7 +106,7 @@ def lane_of(block, size):
 def test_messages_that_wait_are_in_the_result():
     lane = lane_of(at_rest_in_g(count=20), 1)
     for _ in range(2):
-        characterization, _, remarks = lane.snapshot()
+        characterization, remarks = lane.snapshot()
         result, *_ = characterization.fitted(remarks)
         assert result.timeline.samples == 20
         assert result.axes['accel_z'].mean == pytest.approx(9.80665, rel=2e-3)
