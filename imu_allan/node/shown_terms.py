@@ -52,23 +52,24 @@ class ShownTerms(Record):
         """Return the result to publish; waiting times are given only if `more_comes`."""
         self._see_growth(result)
         self._growing &= more_comes
-        axes = {name: replace(axis, coefficients={
-            term: self._coefficient(f'{name}/{term}', found)
-            for term, found in axis.coefficients.items()})
-            for name, axis in result.axes.items()}
+        axes, unsure = {}, set()
+        for name, axis in result.axes.items():
+            trend = axis.trend
+            # A dependence on temperature may be chance, too.
+            if not self._lasts(f'{name}/temperature',
+                               trend is not None and trend.temperature is not None):
+                unsure.add(name)
+                trend = None if trend is None else replace(trend, temperature=None)
+            axes[name] = replace(axis, trend=trend, coefficients={
+                term: self._coefficient(f'{name}/{term}', found)
+                for term, found in axis.coefficients.items()})
         before, self._found = self._found, {
             (one.code, axis) for one in result.warnings for axis in one.axes or ('',)}
-        # A dependence on temperature may be chance, too.
-        unsure = {name for name, axis in axes.items() if not self._lasts(
-            f'{name}/temperature', axis.trend is not None and axis.trend.temperature is not None)}
-        return replace(result, axes={
-            name: axis if axis.trend is None or name not in unsure else
-            replace(axis, trend=replace(axis.trend, temperature=None))
-            for name, axis in axes.items()}, warnings=tuple(
-                one for one in result.warnings
-                if (one.code != 'temperature' or not unsure.intersection(one.axes))
-                and (one.code not in BY_CHANCE or not more_comes or any(
-                    (one.code, axis) in before for axis in one.axes or ('',)))))
+        return replace(result, axes=axes, warnings=tuple(
+            one for one in result.warnings
+            if (one.code != 'temperature' or not unsure.intersection(one.axes))
+            and (one.code not in BY_CHANCE or not more_comes or any(
+                (one.code, axis) in before for axis in one.axes or ('',)))))
 
     def _see_growth(self, result: Result) -> None:
         """Note whether messages make the record longer: not in motion, nor with held values."""

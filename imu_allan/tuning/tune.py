@@ -21,6 +21,7 @@ processes from the Allan variance). T. Gneiting, A. Raftery, JASA 102 (2007) (sc
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf, isinf, sqrt
 from typing import Literal
 
 from imu_allan.arrays import Array
@@ -175,7 +176,8 @@ def _tune(axis: AxisResult, aiding_s: float, coast_s: float, time_s: float | Non
         # If none is safe at every horizon, take the least unsafe one.
         cost = np.where(worst <= max(1.0, 1.001 * float(worst.min())), cost, np.inf)
     best = int(np.argmin(cost))
-    return _tuning(filters, best, truth, horizons, expected, predicted)
+    return _performance(truth, float(filters.white[best]), float(filters.driving[best]),
+                        float(filters.time[best]), aiding_s, coast_s)
 
 
 def assess(axis: AxisResult, noise_density: float, random_walk: float,
@@ -227,12 +229,8 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
 @lru_cache(maxsize=_KEPT)
 def _assess(axis: AxisResult, noise_density: float, random_walk: float, aiding_s: float,
             coast_s: float, time_s: float | None) -> FilterTuning:
-    truth = Truth(axis)
-    horizons = _horizons(aiding_s, coast_s)
-    filters = Filters.of(np.array([noise_density**2]), np.array([random_walk**2]),
-                         np.array([time_s or np.inf]), aiding_s)
-    return _tuning(filters, 0, truth, horizons, truth.expected(filters, horizons),
-                   filters.predicted(horizons))
+    return _performance(Truth(axis), noise_density**2, random_walk**2, time_s or inf,
+                        aiding_s, coast_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,16 +342,17 @@ class Truth:
                                        + mean_variance(time, h))
 
 
-def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,
-            predicted: Array) -> FilterTuning:
-    rows = zip(horizons.tolist(), np.sqrt(expected[:, at]).tolist(),
-               np.sqrt(predicted[:, at]).tolist(), strict=True)
-    process = bool(np.isfinite(filters.time[at]))
+def _performance(truth: Truth, white: float, driving: float, time: float, aiding_s: float,
+                 coast_s: float) -> FilterTuning:
+    """Return how the filter with these parameters, as of `Filters`, performs."""
+    horizons = _horizons(aiding_s, coast_s)
+    filters = Filters.of(np.array([white]), np.array([driving]), np.array([time]), aiding_s)
+    rows = zip(horizons.tolist(), np.sqrt(truth.expected(filters, horizons)[:, 0]).tolist(),
+               np.sqrt(filters.predicted(horizons)[:, 0]).tolist(), strict=True)
+    walks = isinf(time)
     return FilterTuning(
-        filters.aiding_s, float(horizons[-1]), float(np.sqrt(filters.white[at])),
-        None if process else float(np.sqrt(filters.driving[at])),
-        float(np.sqrt(filters.driving[at] * filters.time[at] / 2)) if process else None,
-        float(filters.time[at]) if process else None,
+        aiding_s, float(horizons[-1]), sqrt(white), sqrt(driving) if walks else None,
+        None if walks else sqrt(driving * time / 2), None if walks else time,
         tuple(rows), truth.model.from_s, truth.model.to_s)
 
 

@@ -245,7 +245,8 @@ def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run_of_both():
     world = World(setup=HALVES)
 
     def comes(name, *part, **other):
-        world.comes(replace(half(name, *part).only(name), **other), number=('gyro', 'accel').index(name))
+        world.comes(replace(half(name, *part).only(name), **other),
+                    number=('gyro', 'accel').index(name))
 
     comes('gyro', 12.0)
     comes('accel', 12.0)
