@@ -375,11 +375,9 @@ def check_state(result: Result, records: Sequence[FinishedRecord | None],
 def _settled(verdict: Verdict, fitted: AxisFit | None, limited: int, recorded_s: float
              ) -> tuple[Verdict, bool]:
     """Apply the sequential test to one coefficient; return the verdict and whether it is final."""
-    if fitted is None:
+    if fitted is None or (verdict.verdict == 'fail' and verdict.value is None):
         # A missing, constant or dead axis has already failed.
         return verdict, verdict.verdict == 'fail'
-    if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
-        return verdict, True
     if fitted.fit.power_law is not None and verdict.key == 'bias_instability':
         # Without flicker there is nothing to test but the curve.
         return verdict, verdict.verdict != 'cannot tell'

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.writers.atomic import PICTURES
 from imu_allan.writers.terminal import console_of, wrapped
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def register(verbs: Any) -> None:
                         help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('-o', '--output', metavar='DIR', default='.',
                         help='folder to write to (default: this folder)')
-    parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),
+    parser.add_argument('--format', metavar='LIST', type=_formats, default=tuple(PICTURES),
                         help='formats of the pictures (default: png,svg,pdf)')
     parser.set_defaults(run=run, inputs=('results',), outputs={'output': ''})
 
@@ -64,7 +65,7 @@ def _print_comparison(results: 'Mapping[str, Result]', *, in_detail: bool) -> No
 
 def _formats(text: str) -> tuple[str, ...]:
     formats = tuple(dict.fromkeys(part.strip() for part in text.split(',')))
-    unknown = [part for part in formats if part not in ('png', 'svg', 'pdf')]
+    unknown = [part for part in formats if part not in PICTURES]
     if unknown:
-        raise argparse.ArgumentTypeError(f'{unknown[0]!r} is not one of png, svg, pdf')
+        raise argparse.ArgumentTypeError(f'{unknown[0]!r} is not one of {", ".join(PICTURES)}')
     return formats

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-FORMATS = ('png', 'svg', 'pdf')
-
 
 def plot(result: Result | AxisResult) -> 'Figure':
     """

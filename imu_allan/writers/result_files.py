@@ -22,12 +22,13 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.writers import atomic, plot
 from imu_allan.writers.curves import by_sensor
 from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.panels import SERIES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_COMPARED = 7
+MOST_COMPARED = len(SERIES)
 """Most results drawn in separate colours; no more can be distinguished."""
 
 
@@ -170,7 +171,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     return paths
 
 
-def report_files(result: Result, formats: Sequence[str] = plot.FORMATS) -> atomic.Files:
+def report_files(result: Result, formats: Sequence[str]) -> atomic.Files:
     """Return ``report.html``, ``allan_deviation.FORMAT`` and, per sensor, ``gyro.FORMAT``."""
     from imu_allan.writers.report import report_html
 
@@ -188,16 +189,14 @@ def _plots(figure: Callable[[], 'Figure'], name: str, formats: Sequence[str]) ->
             for kind in formats}
 
 
-def comparison_files(results: Mapping[str, Result], formats: Sequence[str] = plot.FORMATS
-                     ) -> atomic.Files:
+def comparison_files(results: Mapping[str, Result], formats: Sequence[str]) -> atomic.Files:
     """Return ``comparison.html`` and ``comparison.FORMAT``, of many results as a population."""
     from imu_allan.writers.fleet import Fleet, fleet_html
-    from imu_allan.writers.plot import curves_figure
     from imu_allan.writers.report import comparison_html
 
     fleet, title = Fleet(results), f'{len(results)} results compared'
-    page = (partial(comparison_html, results) if len(results) <= MOST_COMPARED else
-            partial(fleet_html, fleet, title))
-    return {'comparison.html': lambda: page().encode(),
-            **_plots(lambda: curves_figure(results, fleet.population, title), 'comparison',
+    return {'comparison.html': lambda: (
+                comparison_html(results) if len(results) <= MOST_COMPARED else
+                fleet_html(fleet, title)).encode(),
+            **_plots(lambda: plot.curves_figure(results, fleet.population, title), 'comparison',
                      formats)}

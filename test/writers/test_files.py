@@ -10,7 +10,7 @@ import os
 from imu_allan.finding_messages import with_words
 from imu_allan.result import Timeline
 from imu_allan.writers import result_files
-from imu_allan.writers.atomic import kind_of, write_atomically, write_files
+from imu_allan.writers.atomic import kind_of, PICTURES, write_atomically, write_files
 from imu_allan.writers.filters import export
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.result_files import (
@@ -122,8 +122,9 @@ def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path, resu
     result = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=())
     other = replace(result, source=replace(result.source, path='other'))
     for path in {*save_folder(result, tmp_path, ['kalibr']),
-                 *write_files(tmp_path, result_files.report_files(result)
-                              | result_files.comparison_files({'a': result, 'b': other})),
+                 *write_files(tmp_path, result_files.report_files(result, PICTURES)
+                              | result_files.comparison_files({'a': result, 'b': other},
+                                                              PICTURES)),
                  *save_fleet(Fleet({'a': result, 'b': other}), tmp_path)}:
         before = path.read_bytes()
         path.write_text('of the user')
