@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 import json
 from typing import Any, TYPE_CHECKING
-import xml.etree.ElementTree as ElementTree
 
 from imu_allan import wording
 from imu_allan.datasheet import Outcome, overall, Verdict
@@ -97,33 +96,13 @@ def to_json(verdicts: Sequence[Verdict], result: Result, specification: NoiseMod
 def to_junit(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel) -> str:
     """Return the verdicts as JUnit XML: one test case each, skipped if undecided."""
     outcomes = [verdict.verdict for verdict in verdicts]
-    source = printable(result.source.path or result.source.topic or 'samples')
-    name = printable(specification.name or 'specification')
-    totals = {'tests': str(len(verdicts)), 'failures': str(outcomes.count('fail')), 'errors': '0',
-              'skipped': str(outcomes.count('cannot tell'))}
-    suites = ElementTree.Element('testsuites', totals)
-    suite = ElementTree.SubElement(suites, 'testsuite', {'name': f'{name}: {source}', **totals})
-    if result.source.start_time:
-        suite.set('timestamp', printable(result.source.start_time))
-    said = vars(result.inspection or Inspection()).items()
-    if entered := {key: printable(value) for key, value in said if value is not None}:
-        properties = ElementTree.SubElement(suite, 'properties')
-        for key, value in entered.items():
-            ElementTree.SubElement(properties, 'property', {'name': key, 'value': value})
-    for verdict in verdicts:
-        case = ElementTree.SubElement(suite, 'testcase', {
-            'classname': verdict.axis, 'name': verdict.key, 'time': '0'})
-        if verdict.verdict == 'fail':
-            ElementTree.SubElement(case, 'failure', {'message': verdict.reason,
-                                                     'type': 'specification'})
-        elif verdict.verdict == 'cannot tell':
-            ElementTree.SubElement(case, 'skipped', {'message': verdict.reason})
-        centre, ends = ('none' if one is None else one for one in (verdict.value, verdict.ci95))
-        ElementTree.SubElement(case, 'system-out').text = (
-            f'measured {centre}, 95 % interval {ends}, limit {verdict.limit!r} {verdict.unit} '
-            f'({printable(verdict.specified)})')
-    ElementTree.indent(suites)
-    return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
+    source, said = result.source, vars(result.inspection or Inspection())
+    return rendered(
+        'junit.xml', verdicts=verdicts, source=source, failed=outcomes.count('fail'),
+        undecided=outcomes.count('cannot tell'),
+        name=f'{specification.name or "specification"}: '
+             f'{source.path or source.topic or "samples"}',
+        entered={key: value for key, value in said.items() if value is not None}) + '\n'
 
 
 def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel
