@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from math import prod
 from typing import Any, Literal
 
 from imu_allan.arrays import Array, Ints, runs
@@ -91,7 +92,7 @@ class FieldsDecoder:
     def __init__(self, messages: ImuMessages) -> None:
         self._messages, self._fields = messages, messages.fields
         self._wanted = messages.fields.paths()
-        self._known: dict[int, list[tuple[bytes, RecordLayout]]] = {}
+        self._known: dict[int, list[tuple[bytes, Layout]]] = {}
         self._clock: int | None = None
 
     # Damaged numbers of any size are rejected later.
@@ -140,23 +141,23 @@ class FieldsDecoder:
 
     # ----------------------------------------------------------------------------------- layouts
 
-    def _layout_of(self, message: memoryview) -> RecordLayout:
+    def _layout_of(self, message: memoryview) -> Layout:
         """Return the layout of a message, from memory or by traversal; may raise MalformedImu."""
         for key, layout in self._known.get(len(message), ()):
-            if key == _key(message, layout):
+            if key == layout.key(message):
                 return layout
-        layout = self._described(MessageLayout(self._messages, message, self._wanted))
+        layout = Layout(self._messages, message, self._wanted)
         most = 64   # sizes to remember, and layouts of each size
         if len(self._known) < most:
             known = self._known.setdefault(len(message), [])
             if len(known) < most:
-                known.append((_key(message, layout), layout))
+                known.append((layout.key(message), layout))
         return layout
 
     def _groups(self, rows: NDArray[np.uint8], on_malformed: OnMalformed
-                ) -> Iterable[tuple[RecordLayout, Ints | slice]]:
+                ) -> Iterable[tuple[Layout, Ints | slice]]:
         """Group messages of equal size by layout."""
-        found: dict[RecordLayout, list[Ints]] = {}
+        found: dict[Layout, list[Ints]] = {}
         waiting = [np.arange(len(rows))]
         for left in waiting:
             while len(left):
@@ -177,24 +178,6 @@ class FieldsDecoder:
                 found.setdefault(layout, []).append(left if like is None else left[like])
                 left = left[:0] if like is None else left[~like]
         return [(layout, _joined(parts)) for layout, parts in found.items()]
-
-    def _described(self, parsed: MessageLayout) -> RecordLayout:
-        """Create a record type from the field positions; raise MalformedImu if one is missing."""
-        for path in self._wanted - parsed.places.keys():
-            raise MalformedImu(f'it has no field {path}')
-        fields: dict[str, tuple[Any, int]] = {}
-        for path in self._fields.numbers():
-            field, element = split_path(path)
-            place = parsed.places[field]
-            if element >= place.count:
-                raise MalformedImu(f'{field} has {place.count} elements')
-            number = np.dtype(parsed.byte_order + place.kind)
-            fields[path] = (number, place.at + element * number.itemsize)
-        for _, vector in self._fields.vectors() if self._fields.burst is not None else ():
-            width = min(parsed.places[path].count for path in vector.paths)
-            fields |= {path: ((fields[path][0], (width,)), fields[path][1])
-                       for path in vector.paths}
-        return RecordLayout(parsed.keys, record_of(fields, parsed.size), parsed.frame_id)
 
     # ------------------------------------------------------------------------------------- clock
 
@@ -227,42 +210,17 @@ def _advances(times: Ints) -> bool:
 
 # ---------------------------------------------------------------------------- where the fields are
 
-@dataclass(frozen=True)
-class Place:
+class Layout:
     """
-    Position of a field in a message.
+    Where the fields of a message are; raises MalformedImu if it does not have them.
 
     Attributes
     ----------
-    at : int
-        Offset of the first byte.
-    kind : str
-        Type code of a number such as 'f8', without byte order, or 'string'.
-    count : int
-        Length of an array or sequence, or of a string in bytes; 1 for a single number.
-
-    """
-
-    at: int
-    kind: str
-    count: int
-
-
-class MessageLayout:
-    """
-    Positions of the fields `wanted` in a message; raises MalformedImu if it does not fit.
-
-    Attributes
-    ----------
-    size : int
-        Its length in bytes.
-    byte_order : {'<', '>'}
-        Little-endian or big-endian.
-    places : dict of str to Place
-        Positions by field path, such as ``imu.angular_velocity.x``.
     keys : list of (int, int)
-        Start and stop of the bytes that determine the layout and the frame of messages of equal
-        size.
+        Start and stop of the bytes in which other messages of equal size with this layout, and of
+        this frame, agree.
+    record : dtype
+        A message as a record of the numbers and arrays `wanted`, by their paths.
     frame_id : str
         The frame that it names, or an empty text.
 
@@ -270,40 +228,51 @@ class MessageLayout:
 
     def __init__(self, messages: ImuMessages, message: memoryview, wanted: Collection[str],
                  ) -> None:
-        self._types = messages.types
-        self._message = message
+        self._types, self._message, self._wanted = messages.types, message, wanted
         self._aligned = messages.serialization == 'cdr'
-        self._wanted = wanted
-        self.places: dict[str, Place] = {}
-        self.keys: list[tuple[int, int]] = []
-        self.byte_order: Literal['<', '>'] = '<'
+        self._order: Literal['<', '>'] = '<'
+        # Type and offset of a number or an array.
+        self._places: dict[str, tuple[Any, int]] = {}
+        self._texts: dict[str, slice] = {}
         self._at = self._steps = 0
-        self.size = len(message)
+        self.keys: list[tuple[int, int]] = []
+        size = len(message)
         if self._aligned:
-            if self.size < 4:
-                raise MalformedImu(f'{self.size} bytes are too few for a message')
+            if size < 4:
+                raise MalformedImu(f'{size} bytes are too few for a message')
             encapsulation = int.from_bytes(message[:2], 'big')
             if encapsulation > 1:
                 raise MalformedImu(f'encapsulation 0x{encapsulation:04x} is not plain CDR')
-            self.byte_order = '<' if encapsulation else '>'
+            self._order = '<' if encapsulation else '>'
             self.keys.append((0, 2))
             self._at = 4
         self._visit(messages.type_name, '', 0)
         # Some middleware pads a payload to a multiple of four bytes, older ones to eight.
-        if not 0 <= self.size - self._at <= (7 if self._aligned else 0):
-            raise MalformedImu(f'{self.size} bytes are not a message of type '
-                               f'{messages.type_name}, which takes {self._at}')
+        if not 0 <= size - self._at <= (7 if self._aligned else 0):
+            raise MalformedImu(
+                f'{size} bytes are not a message of type {messages.type_name}, which takes '
+                f'{self._at}')
+        self.record = record_of(self._places, size)
+        for path in messages.fields.numbers():
+            name, element = split_path(path)
+            if name not in self._places:
+                raise MalformedImu(f'it has no field {name}')
+            [count] = self.record[name].shape or (1,)
+            if element >= count:
+                raise MalformedImu(f'{name} has {count} elements')
+        frame = self._texts.get(messages.fields.frame_id or '', slice(0, 0))
         # Bytes after the last requested field do not affect any position.
-        end = max((place.at for place in self.places.values()), default=0)
-        self.keys = [key for key in self.keys if key[0] < end]
-        frame = self.places.get(messages.fields.frame_id or '')
-        self.frame_id = ''
-        if frame is not None:
-            self.keys.append((frame.at, frame.at + frame.count))
-            # It is shown and saved from here on, and a publisher may send megabytes of it. Texts
-            # end with a null byte in CDR, not in ROS 1.
-            self.frame_id = shorten(bytes(message[slice(*self.keys[-1])]).removesuffix(
-                b'\0').decode('utf-8', 'replace'))
+        end = max(frame.start, *(at for _, at in self._places.values()), 0)
+        self.keys = [key for key in self.keys if key[0] < end] + [(frame.start, frame.stop)]
+        # It is shown and saved from here on, and a publisher may send megabytes of it. Texts end
+        # with a null byte in CDR, not in ROS 1.
+        self.frame_id = shorten(
+            bytes(message[frame]).removesuffix(b'\0').decode('utf-8', 'replace'))
+        del self._message
+
+    def key(self, message: memoryview) -> bytes:
+        """Return the bytes of a message in which those of one layout agree."""
+        return b''.join(message[start:stop] for start, stop in self.keys)
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:
         # Messages of ROS reach four levels.
@@ -320,7 +289,10 @@ class MessageLayout:
             name = f'{path}{field.name}'
             count = self._length() if field.count == 0 else field.count
             if not field.is_message and field.kind != 'string':
-                self._read(name, field.kind, 1 if count is None else count, int(field.kind[1:]))
+                width, shape = int(field.kind[1:]), () if count is None else (count,)
+                start = self._pass_over(width * prod(shape), width if count != 0 else 1)
+                if name in self._wanted:
+                    self._places[name] = (self._order + field.kind, shape), start
                 continue
             for number in range(1 if count is None else count):
                 self._step()
@@ -328,13 +300,10 @@ class MessageLayout:
                 if field.is_message:
                     self._visit(field.kind, f'{element}.', depth + 1)
                 else:
-                    self._read(element, 'string', self._length(), 1)
-
-    def _read(self, name: str, kind: str, count: int, width: int) -> None:
-        """Note the place of a field of `count` numbers or characters."""
-        start = self._pass_over(count * width, width if count else 1)
-        if name in self._wanted:
-            self.places[name] = Place(start, kind, count)
+                    length = self._length()
+                    start = self._pass_over(length, 1)
+                    if element in self._wanted:
+                        self._texts[element] = slice(start, start + length)
 
     def _step(self) -> None:
         self._steps += 1
@@ -346,7 +315,7 @@ class MessageLayout:
         start = self._pass_over(4, 4)
         self.keys.append((start, start + 4))
         return int.from_bytes(self._message[start:start + 4],
-                              'little' if self.byte_order == '<' else 'big')
+                              'little' if self._order == '<' else 'big')
 
     def _pass_over(self, size: int, alignment: int) -> int:
         """Skip the next `size` bytes after alignment; return where they begin."""
@@ -354,38 +323,19 @@ class MessageLayout:
         if self._aligned:
             start += (4 - start) % alignment
         self._at = start + size
-        if self._at > self.size:
-            raise MalformedImu(f'{self.size} bytes are too few for its type, which takes '
+        if self._at > len(self._message):
+            raise MalformedImu(f'{len(self._message)} bytes are too few for its type, which takes '
                                f'{self._at} or more')
         return start
 
 
-@dataclass(frozen=True, eq=False)
-class RecordLayout:
-    """
-    Layout shared by messages that have their fields at the same positions.
-
-    Attributes
-    ----------
-    keys : list of (int, int)
-        Start and stop of the bytes in which messages of equal size with this layout agree.
-    record : dtype
-        A message as a record, with the paths of the numbers and arrays to read as names.
-    frame_id : str
-        The frame that they name.
-
-    """
-
-    keys: list[tuple[int, int]]
-    record: np.dtype[np.void]
-    frame_id: str
-
-
-def _key(message: memoryview, layout: RecordLayout) -> bytes:
-    return b''.join(message[start:stop] for start, stop in layout.keys)
-
-
 # ------------------------------------------------------------------------------ records as columns
+
+def _column(messages: NDArray[np.void], path: str) -> NDArray[Any]:
+    """Return a field, or an element of an array, of all messages."""
+    name, element = split_path(path)
+    return messages[name] if name == path else messages[name][:, element]
+
 
 def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
             receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
@@ -400,10 +350,10 @@ def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[
     samples, absent = np.zeros((6, count)).T, np.ones((count, 2), np.bool_)
     for first, vector in fields.vectors():
         for axis, path in enumerate(vector.paths, first):
-            samples[:, axis] = messages[path]
+            samples[:, axis] = _column(messages, path)
         _to_si(samples[:, first:first + 3], vector, messages)
         absent[:, first // 3] = (
-            vector.covariance is not None and messages[vector.covariance] == -1.0)
+            vector.covariance is not None and _column(messages, vector.covariance) == -1.0)
     return {'stamps': stamps, 'receive_ns': np.array(receive_ns, np.int64), 'samples': samples,
             'absent': absent}
 
@@ -413,9 +363,9 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
            on_malformed: OnMalformed) -> Columns:
     """Expand messages with many samples; the stamp is that of the last sample."""
     [(first, vector)] = fields.vectors()
-    width = messages[vector.paths[0]].shape[1]
-    filled = messages[burst.samples].astype(np.int64)
-    step_ns = messages[burst.step_us].astype(np.float64) * 1e3
+    width = min(messages[path].shape[1] for path in vector.paths)
+    filled = _column(messages, burst.samples).astype(np.int64)
+    step_ns = _column(messages, burst.step_us).astype(np.float64) * 1e3
     # A burst sampled at less than 1 Hz is not from an IMU, but a damaged number.
     sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
         step_ns < 1e9)
@@ -426,7 +376,8 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
     before_ns = np.rint(np.where(sound, step_ns, 0)[:, np.newaxis] * (
         filled[:, np.newaxis] - 1 - place)).astype(np.int64)
     message, number = np.nonzero((place < filled[:, np.newaxis]) & sound[:, np.newaxis])
-    bursts = np.stack([messages[path] for path in vector.paths], axis=2).astype(np.float64)
+    bursts = np.stack([messages[path][:, :width] for path in vector.paths], axis=2).astype(
+        np.float64)
     _to_si(bursts, vector, messages)
     samples = np.zeros((len(message), 6))
     samples[:, first:first + 3] = bursts[message, number]
@@ -441,7 +392,7 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
 def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
     """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
     def each(path: str) -> Array:
-        return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
+        return _column(messages, path).astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
 
     if vector.scale is not None:
         numbers *= each(vector.scale)
@@ -457,11 +408,11 @@ def _time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
     """Return stamps in nanoseconds; -1 for invalid times."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths
-        times: Ints = messages[seconds].astype(np.int64)
+        times: Ints = _column(messages, seconds).astype(np.int64)
         times *= 1_000_000_000
-        times += messages[nanoseconds].astype(np.int64)
+        times += _column(messages, nanoseconds).astype(np.int64)
         return times
-    number = messages[stamp.path]
+    number = _column(messages, stamp.path)
     # Integers are scaled exactly, floating-point numbers as doubles.
     exact = number.dtype.kind in 'iu'
     rough = number.astype(np.float64) * stamp.unit_ns
