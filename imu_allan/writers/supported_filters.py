@@ -139,13 +139,10 @@ FAMILIES: dict[str, dict[str, Consumer]] = {
 """Consumers by their name in the command, the most common ones first."""
 CONSUMERS = {name: consumer for family in FAMILIES.values() for name, consumer in family.items()}
 _ALIASES = {
-    'camera_imu': 'kalibr', 'open_vins': 'openvins', 'vins': 'vins_fusion',
-    'vins_mono': 'vins_fusion', 'vinsfusion': 'vins_fusion', 'vins_fusion_ros2': 'vins_fusion',
-    'orbslam3': 'orb_slam3', 'orb_slam': 'orb_slam3', 'orbslam': 'orb_slam3',
-    'liosam': 'lio_sam', 'fastlio': 'fast_lio', 'fast_lio2': 'fast_lio', 'fastlio2': 'fast_lio',
-    'fastlivo2': 'fast_livo2', 'fast_livo': 'fast_livo2', 'pointlio': 'point_lio',
-    'okvis': 'okvis2', 'kimera_vio': 'kimera', 'msckf': 'msckf_vio', 'svo': 'svo_pro',
-    'rtab_map': 'rtabmap', 'isaac': 'isaac_ros_vslam', 'isaac_ros_visual_slam': 'isaac_ros_vslam',
+    'camera_imu': 'kalibr', 'vins': 'vins_fusion', 'vins_mono': 'vins_fusion',
+    'vins_fusion_ros2': 'vins_fusion', 'orb_slam': 'orb_slam3', 'fast_lio2': 'fast_lio',
+    'fast_livo': 'fast_livo2', 'okvis': 'okvis2', 'kimera_vio': 'kimera', 'msckf': 'msckf_vio',
+    'svo': 'svo_pro', 'isaac': 'isaac_ros_vslam', 'isaac_ros_visual_slam': 'isaac_ros_vslam',
     'ekf': 'robot_localization', 'ukf': 'robot_localization', 'ekf_node': 'robot_localization',
     'robot_localisation': 'robot_localization', 'px4_autopilot': 'px4', 'ekf2': 'px4',
     'apm': 'ardupilot', 'arducopter': 'ardupilot', 'ekf3': 'ardupilot', 'gz': 'gazebo',
@@ -155,14 +152,22 @@ _ALIASES = {
 """Alternative names."""
 
 
+def _letters(name: str) -> str:
+    """Return a name as it is looked up: vins-fusion, VINS Fusion and vinsfusion are the same."""
+    return ''.join(name.casefold().replace('-', ' ').replace('_', ' ').split())
+
+
+_NAMES = {_letters(word): name
+          for word, name in (*zip(CONSUMERS, CONSUMERS, strict=True), *_ALIASES.items())}
+
+
 def consumer_called(text: str) -> str:
-    """Return the canonical name of a consumer, ignoring case; KeyError names similar ones."""
-    name = '_'.join(text.casefold().replace('-', ' ').replace('_', ' ').split())
-    found = name if name in CONSUMERS else _ALIASES.get(name)
-    if found is not None:
-        return found
-    near = get_close_matches(name, [*CONSUMERS, *_ALIASES], n=3, cutoff=0.7)
-    names = ' or '.join(dict.fromkeys(_ALIASES.get(word, word) for word in near))
+    """Return the canonical name of a consumer, however it is spelled; KeyError names others."""
+    letters = _letters(text)
+    if letters in _NAMES:
+        return _NAMES[letters]
+    near = get_close_matches(letters, _NAMES, n=3, cutoff=0.7)
+    names = ' or '.join(dict.fromkeys(_NAMES[word] for word in near))
     meant = f'did you mean {names}? ' if near else ''
     raise KeyError(f'no consumer is called {shorten(printable(repr(text)), 60)}; {meant}imu_allan '
                    'export --list names all')

@@ -630,5 +630,6 @@ def test_one_process_for_three_axes_is_that_of_one_of_them():
 def test_every_consumer_has_a_family_and_is_called_by_what_people_say():
     assert sorted(name for names in FAMILIES.values() for name in names) == sorted(CONSUMERS)
     for said, name in (('VINS', 'vins_fusion'), ('OpenVINS', 'openvins'),
-                       ('ekf', 'robot_localization'), ('FAST-LIO2', 'fast_lio')):
+                       ('ekf', 'robot_localization'), ('FAST-LIO2', 'fast_lio'),
+                       ('RobotLocalization', 'robot_localization'), ('Ardu Pilot', 'ardupilot')):
         assert consumer_called(said) == name
