@@ -34,7 +34,6 @@ GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
 MARGIN = 0.1
 """A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
-_FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
 
 Outcome = Literal['pass', 'fail', 'cannot tell']
 
@@ -68,7 +67,8 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis is None:
         return 'the axis is missing: the result does not hold it'
     if axis.constant:
-        return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
+        value = 'the same' if axis.mean is None else f'{axis.mean:.6g} {axis.unit}'
+        return f'the axis is constant: every sample is {value}'
     if (span := axis.stood_still) is not None:
         return (f'the axis is dead for {duration(span.duration_s)} from '
                 f'{duration(span.start_s)} on: it gives one value all that time')
@@ -99,12 +99,8 @@ def stopped(result: Result) -> str | None:
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return a coefficient, for a ramp its magnitude."""
     found, fit = axis.coefficients[key], axis.goodness_of_fit
-    undecided = (
-        _FILTERED if axis.high_passed_hz is not None else
-        'the noise model does not fit this axis'
-        if not fit.acceptable and fit.p_value is not None else
-        'not observable in this recording; record for longer'
-        if not found.observable and found.upper95 is None else None)
+    undecided = (None if fit.acceptable or fit.p_value is None else
+                 'the noise model does not fit this axis')
     value = None if found.value is None else abs(found.value)
     interval = None if not found.observable or found.ci95 is None else _magnitude(found.ci95)
     return Measured(value, interval, found.upper95, undecided)
@@ -113,10 +109,9 @@ def coefficient(axis: AxisResult, key: str) -> Measured:
 def zero_bias(result: Result, name: str, expected: float) -> Measured:
     """Return the distance of the mean from `expected`, the largest of several recordings."""
     axis = result.axes[name]
-    if axis.mean is None:
-        return Measured(undecided='there is no mean')
-    if (undecided := _undecided_mean(axis)) is not None:
-        return Measured(undecided=undecided)
+    if axis.mean is None or not mean_is_known(axis):
+        return Measured(undecided='the noise density does not show, and with it what the mean is '
+                                  'worth; record for longer')
     starts = [(part.means[name], error_of_mean(axis, part.duration_s))
               for part in result.recordings if name in part.means]
     if not starts:
@@ -133,13 +128,14 @@ def zero_bias(result: Result, name: str, expected: float) -> Measured:
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
     """Return the measured value of one limited quantity."""
     found = result.axes[axis]
+    if found.high_passed_hz is not None:
+        return Measured(undecided='a filter has taken out the slow part of this axis; record the '
+                                  'raw topic')
     if key in TERMS:
         hidden = hidden_by_steps(found, key, abs(specification.axes[axis][key]))
         return coefficient(found, key) if hidden is None else Measured(undecided=hidden)
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
-    if found.high_passed_hz is not None:
-        return Measured(undecided=_FILTERED)
     if key == 'turn_on_bias':
         # Spread of the mean from one power-on to the next.
         spread = result.turn_on_bias.get(axis)
@@ -151,19 +147,6 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
     return Measured(undecided='the result knows no dependence on temperature; record the '
                               'temperature while it changes')
-
-
-def _undecided_mean(axis: AxisResult) -> str | None:
-    if mean_is_known(axis):
-        return None
-    if axis.high_passed_hz is not None:
-        return _FILTERED
-    if axis.saturated is not None:
-        return 'the axis is saturated, and its mean with it; choose a larger range'
-    if axis.deadband is not None:
-        return 'the axis has a deadband, and its mean is not known; switch the deadband off'
-    return ('the noise density does not show, and with it what the mean is worth; record for '
-            'longer')
 
 
 def _magnitude(interval: Interval) -> Interval:

@@ -12,6 +12,7 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import summary
 import numpy as np
+from on_terminal import FLAT
 import pytest
 from whole_lines import refused, Varying
 
@@ -58,6 +59,9 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     (lambda r: replace(r, axes={
         **r.axes, 'gyro_x': characterize(np.full(1000, 0.125), 100.0)}), NOISE, 'fail',
      'gyro_x N: the axis is constant: every sample is 0.125 rad/s'),
+    # As a file may have it.
+    (lambda r: with_axes(r, 'gyro_x', curve=FLAT, mean=None), NOISE, 'fail',
+     'gyro_x N: the axis is constant: every sample is the same'),
     (lambda r: with_coefficient(r, 'gyro_x', 'noise_density', value=1e-12,
                                 ci95=(0.9e-12, 1.1e-12)), NOISE, 'fail',
      'gyro_x N: the axis is dead: its noise density is 1.1e-12 rad/s/sqrt(Hz) at most, less than '
@@ -77,7 +81,10 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
      NOISE, 'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
     (lambda r: with_coefficient(r, 'gyro_x', 'noise_density', **UNSEEN, upper95=1e-3), ZERO_BIAS,
      'cannot tell', 'gyro_x zero bias: the noise density does not show, and with it what the mean '
-     'is worth; record for longer')])
+     'is worth; record for longer'),
+    *((lambda r: with_axes(r, 'gyro_x', high_passed_hz=0.1, coarse_step=0.1), text, 'cannot tell',
+       f'gyro_x {what}: a filter has taken out the slow part of this axis; record the raw topic')
+      for text, what in ((NOISE, 'N'), (ZERO_BIAS, 'zero bias')))])
 def test_a_dead_axis_fails_and_the_unknown_is_no_verdict(result, changed, text, outcome, reason):
     verdict = only(changed(result), text)
     assert (verdict.verdict, verdict.reason) == (outcome, reason)
