@@ -169,27 +169,28 @@ def larger_blocks(
     """
     held: list[ImuBlock] = []
     count = position = 0
+
+    def taken() -> Read:
+        nonlocal count
+        block = joined(held) if len(held) > 1 else held[0]
+        held.clear()
+        count = 0
+        return block, position
+
     try:
         for block, at in blocks:
             if held and held[0].frame_id != block.frame_id:
-                yield _joined(held), position
-                held, count = [], 0
+                yield taken()
             held.append(block)
-            count += len(block)
-            position = at
+            count, position = count + len(block), at
             if count >= at_least:
-                yield _joined(held), position
-                held, count = [], 0
+                yield taken()
     except Exception:
         if held:
-            yield _joined(held), position
+            yield taken()
         raise
     if held:
-        yield _joined(held), position
-
-
-def _joined(blocks: list[ImuBlock]) -> ImuBlock:
-    return joined(blocks) if len(blocks) > 1 else blocks[0]
+        yield taken()
 
 
 # ------------------------------------------------------------------------------------ in a process
