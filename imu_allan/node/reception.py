@@ -9,7 +9,7 @@ takes fields that the user names. The fields of a type come from its Python clas
 subscription needs anyway.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from math import ceil
@@ -19,12 +19,13 @@ from typing import Any
 
 from imu_allan.arrays import Ints
 from imu_allan.block import Half, ImuBlock
-from imu_allan.cdr import batches_of, IMU_TYPE, MalformedImu, OnMalformed
+from imu_allan.cdr import batches_of, IMU_TYPE, MalformedImu
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.log import Log, LogOfChanges
 from imu_allan.node.parameters import TOPIC
+from imu_allan.recordings.messages.decoder import Decoder
 from imu_allan.recordings.messages.definitions import Field, field_of, normal_name, Types
 from imu_allan.recordings.messages.imus_in import imu_messages
 from imu_allan.recordings.options import RecordingOptions
@@ -36,7 +37,6 @@ MIXED = -1
 """Key of messages of two publishers whose numbers are too close to be distinguished."""
 _TAKEOVER_NS = 1_000_000_000
 """Two publishers alternate faster than this, in bundles; a driver takes longer to restart."""
-Decode = Callable[[Sequence[bytes], Ints, OnMalformed], list[ImuBlock]]
 QUEUE_MESSAGES = 10_000
 """The queue holds at least this many messages: 2 s of an IMU at 5 kHz."""
 
@@ -205,7 +205,7 @@ def _field(name: str, kind: str) -> Field:
     return field_of(name, normal_name(element), 0 if kind.startswith('sequence') else count)
 
 
-def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decode:
+def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decoder:
     """Return the decoder that the parameters ask for, or name the one that is wrong."""
     type_name = values[parameter]
     # Fields of the other sensor are not in these messages.
@@ -214,8 +214,8 @@ def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Dec
     asked |= {name: values[name] for name in ('gyro_unit', 'accel_unit')}
     given: dict[str, Any] = {name: text for name, text in asked.items() if text}
     try:
-        decode = imu_messages(type_name, types_of(type_name),
-                              options=RecordingOptions(**given)).decoder()
+        return imu_messages(type_name, types_of(type_name),
+                            options=RecordingOptions(**given)).decoder()
     except ImuAllanError as error:
         text = str(error)
         for option, name in (
@@ -226,9 +226,6 @@ def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Dec
         named = text.partition(' ')[0] in values
         raise ImuAllanError(f'parameter {text}' if named else
                             f'parameter {parameter}: {text}') from error
-
-    return lambda messages, receive_ns, on_malformed: decode(
-        batches_of(messages, receive_ns), on_malformed)
 
 
 class Reception:
@@ -277,8 +274,8 @@ class Reception:
                 for key in dict.fromkeys(keys.tolist())]
 
     def _decoded(self, batch: Batch, rows: Ints) -> list[ImuBlock]:
-        blocks = self._decode([batch.messages[row] for row in rows.tolist()],
-                              batch.receive_ns[rows], self._count_malformed)
+        blocks = self._decode(batches_of([batch.messages[row] for row in rows.tolist()],
+                                         batch.receive_ns[rows]), self._count_malformed)
         half = self.facts.half
         return blocks if half is None else [block.only(half) for block in blocks]
 

@@ -10,6 +10,7 @@ from bags import mcap_written, serialized
 from characterized import celsius_at
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
+from imu_allan.cdr import batches_of
 from imu_allan.node.reception import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition, parse
@@ -162,9 +163,9 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
     decode = decoder('imu_type', None, {
         'imu_type': 'geometry_msgs/msg/TwistStamped', 'gyro_field': 'twist.angular',
         'accel_field': 'twist.linear', 'stamp_field': '', 'gyro_unit': '', 'accel_unit': ''})
-    [block] = decode(
-        [b'\0\1\0\0short', serialize_message(message)], np.array([7, 8]) * 10**9,
-        lambda count, _: malformed.append(count))
+    batches = batches_of([b'\0\1\0\0short', serialize_message(message)],
+                         np.array([7, 8]) * 10**9)
+    [block] = decode(batches, lambda count, _: malformed.append(count))
     # What is no such message is counted and left out.
     assert malformed == [1]
     assert block.samples.tolist() == [[0, 0.25, 0, 0, 0, 9.5]]
