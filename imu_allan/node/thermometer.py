@@ -5,16 +5,20 @@
 from collections import deque
 import time
 
+from imu_allan.block import ImuBlock, joined
+from imu_allan.cdr import batches_of
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.log import Log
-from imu_allan.recordings.thermometers import in_celsius, share_namespace
-import numpy as np
+from imu_allan.node.reception import types_of
+from imu_allan.recordings.messages.imus_in import thermometer_in
+from imu_allan.recordings.thermometers import in_celsius, readings_of, share_namespace
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
+
+_TYPE = 'sensor_msgs/msg/Temperature'
 
 
 class Thermometer:
@@ -24,9 +28,9 @@ class Thermometer:
         self._node = node
         self._log = log
         self._facts = facts
-        # For each lane: stamps of header and reception, and what was read; hours of most sensors.
-        self._waiting: list[deque[tuple[int, int, float]]] = [
-            deque(maxlen=100_000) for _ in range(lanes)]
+        self._decode = thermometer_in(_TYPE, 'cdr', types_of(_TYPE)).decoder()
+        # For each lane, what was taken in an hour or more.
+        self._waiting: list[deque[ImuBlock]] = [deque(maxlen=10_000) for _ in range(lanes)]
         self._beside: list[str] = []
         self._finds = not named
         self._subscription: DrainedSubscription | None = None
@@ -45,7 +49,7 @@ class Thermometer:
             return
         before, self._beside = self._beside, sorted(
             name for name, types in self._node.get_topic_names_and_types()
-            if 'sensor_msgs/msg/Temperature' in types and share_namespace(self._facts.topic, name)
+            if _TYPE in types and share_namespace(self._facts.topic, name)
             and self._node.count_publishers(name))
         if len(self._beside) != 1 or before != self._beside:
             return
@@ -64,31 +68,21 @@ class Thermometer:
         if self._subscription is None:
             return
         batch = self._subscription.take()
-        readings: list[tuple[int, int, float]] = []
-        for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
-            try:
-                message = deserialize_message(content, Temperature)
-            except Exception:
-                # The middleware may raise any exception for bytes that are no message.
-                continue
-            stamp = message.header.stamp
-            header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-            readings.append((header_ns or receive_ns, receive_ns, message.temperature))
+        readings = self._decode(batches_of(batch.messages, batch.receive_ns), lambda *_: None)
         for waiting in self._waiting:
             waiting.extend(readings)
         if readings:
             self._facts.temperature_at = time.monotonic()
-            [self._facts.temperature_c] = in_celsius(np.array([readings[-1][2]])).tolist()
+            self._facts.temperature_c = float(in_celsius(readings[-1].samples[-1:, 0])[0])
 
     def feed(self, lane: int, characterization: Characterization) -> None:
         """Pass the readings to a lane, once the clock that places its samples is known."""
-        if not self._waiting[lane]:
+        waiting = self._waiting[lane]
+        if not waiting:
             return
         # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
         clock = characterization.timeline.clock or characterization.summary().clock
         if clock is None:
             return
-        header_ns, receive_ns, readings = zip(*self._waiting[lane], strict=True)
-        characterization.take_temperature(header_ns if clock == 'header' else receive_ns,
-                                          in_celsius(np.array(readings)))
-        self._waiting[lane].clear()
+        characterization.take_temperature(*readings_of(joined([*waiting]), clock))
+        waiting.clear()

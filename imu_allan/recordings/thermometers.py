@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from imu_allan.arrays import Array, Ints
+from imu_allan.block import ImuBlock
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.finding import finding
 from imu_allan.recordings.recording import ImuTopic, Recording
@@ -57,13 +58,18 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     try:
         # Problems of the file were reported when the IMU was read, so remarks are discarded here.
         for block, _ in recording.for_another_topic().decoded(thermometer.name):
-            usable = clock == 'header' and (block.header_ns > 0).all()
-            yield (block.header_ns if usable else block.receive_ns,
-                   in_celsius(block.samples[:, 0]))
+            yield readings_of(block, clock)
     except ImuAllanError as error:
         if recording.options.temperature is not None:
             raise
         recording.remarks.append(finding('thermometer', fault='unread', reason=str(error)))
+
+
+def readings_of(block: ImuBlock, clock: Literal['header', 'receive']) -> tuple[Ints, Array]:
+    """Return stamps in ns on the clock of an IMU, and degrees Celsius, of decoded readings."""
+    # One without a stamp of its own is placed by when it came.
+    own = (block.header_ns > 0) & (clock == 'header')
+    return np.where(own, block.header_ns, block.receive_ns), in_celsius(block.samples[:, 0])
 
 
 def in_celsius(readings: Array) -> Array:

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature beside an IMU, from every kind of recording that has one."""
 
+from dataclasses import replace
 import re
 
 from bags import mcap_written, serialized
 from characterized import celsius_at, messages
 from imu_allan import analyze, simulate
 from imu_allan.recordings import open_recording, RecordingOptions
-from imu_allan.recordings.thermometers import temperatures
+from imu_allan.recordings.thermometers import readings_of, temperatures
 import numpy as np
 from other_types import full_definition, recorded, sample, stamped, store_with, vector
 import pytest
@@ -64,6 +65,17 @@ def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, output_of, he
     path = write(tmp_path / 'a.mcap', samples, thermometers, headers=headers)
     assert follows(analyze(path))
     assert '  temperature from /imu/temperature' in output_of('info', path).splitlines()
+
+
+def test_a_reading_without_a_stamp_is_of_when_it_came_and_leaves_the_others_theirs():
+    block = messages(np.full((3, 6), 20.0), RATE_HZ)
+    stamps = block.header_ns.copy()
+    late = replace(block, receive_ns=stamps + 7)
+    late.header_ns[1] = 0
+    for clock, expected in (
+            ('header', [stamps[0], stamps[1] + 7, stamps[2]]), ('receive', late.receive_ns)):
+        found, celsius = readings_of(late, clock)
+        assert (found.tolist(), celsius.tolist()) == (list(expected), [20.0] * 3)
 
 
 @pytest.fixture
