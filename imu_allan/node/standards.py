@@ -17,13 +17,15 @@ from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import summary
 from imu_allan.writers.result_files import load_result
 
+Level = Literal['ok', 'warn', 'error']
+
 
 @dataclass(frozen=True)
 class Comparison:
     """How the IMU compares with one standard."""
 
     standard: str
-    level: Literal['ok', 'warn', 'error']
+    level: Level
     message: str
 
 
@@ -69,48 +71,43 @@ class Standards:
     def judge(self, result: Result, records: Sequence[FinishedRecord | None],
               looks: DatasheetLooks) -> list[Comparison]:
         """Compare a result with every standard."""
-        comparisons = []
-        if not result.axes:
-            return [Comparison(name, 'warn', 'cannot tell yet: no axis has a result')
-                    for name, given in (('specification', self._specification),
-                                        ('reference', self._reference)) if given is not None]
+        said: dict[str, tuple[Level, str]] = {}
+        nothing: tuple[Level, str] = 'warn', 'cannot tell yet: no axis has a result'
         if self._specification is not None:
-            verdicts = check(result, self._specification)
-            comparisons.append(_against_specification(verdicts, looks.decided(
-                result, records, self._specification)))
+            said['specification'] = nothing if not result.axes else _against_specification(
+                check(result, self._specification),
+                looks.decided(result, records, self._specification))
         if self._reference is not None:
-            comparisons.append(_against_reference(result, self._reference))
-        return comparisons
+            said['reference'] = (nothing if not result.axes else
+                                 _against_reference(result, self._reference))
+        return [Comparison(standard, *found) for standard, found in said.items()]
 
 
-def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | None) -> Comparison:
+def _against_specification(verdicts: Sequence[Verdict], decided: CheckState | None
+                           ) -> tuple[Level, str]:
     outcome, sentences = summary(verdicts)
     if decided is None:
-        about = sentences or ['no limit is broken so far']
-        return Comparison('specification', 'warn', f'not certain yet: {"; ".join(about)}')
+        return 'warn', f'not certain yet: {"; ".join(sentences) or "no limit is broken so far"}'
     if outcome != 'fail':
         # An IMU that has passed may break a limit later; until then the verdict holds.
         outcome, sentences = summary(decided.verdicts)
     if outcome == 'pass':
-        return Comparison('specification', 'ok', 'every limit of the specification is kept, '
-                          f'certain after {duration(decided.recorded_s)}')
-    return Comparison('specification', 'error' if outcome == 'fail' else 'warn',
-                      '; '.join(sentences))
+        return 'ok', ('every limit of the specification is kept, certain after '
+                      f'{duration(decided.recorded_s)}')
+    return 'error' if outcome == 'fail' else 'warn', '; '.join(sentences)
 
 
-def _against_reference(result: Result, reference: Result) -> Comparison:
+def _against_reference(result: Result, reference: Result) -> tuple[Level, str]:
     shared = [axis for axis in AXES if axis in result.axes and axis in reference.axes]
     if not shared:
-        return Comparison('reference', 'warn', 'cannot tell: the reference has none of these axes')
-    departures = [text for axis in shared for text in _departures(axis, result, reference)]
-    if departures:
-        return Comparison('reference', 'warn', '; '.join(departures))
+        return 'warn', 'cannot tell: the reference has none of these axes'
+    if departures := [text for axis in shared for text in _departures(axis, result, reference)]:
+        return 'warn', '; '.join(departures)
     compared = sum(result.axes[axis].coefficients['noise_density'].ci95 is not None
                    for axis in shared)
     if not compared:
-        return Comparison('reference', 'warn', 'cannot tell yet: no noise density is observable')
-    return Comparison('reference', 'ok', 'as in the reference: '
-                      f'{counted(compared, "axis", "axes")}')
+        return 'warn', 'cannot tell yet: no noise density is observable'
+    return 'ok', f'as in the reference: {counted(compared, "axis", "axes")}'
 
 
 def _departures(name: str, result: Result, reference: Result) -> Iterator[str]:
