@@ -338,7 +338,7 @@ def _column(messages: NDArray[np.void], path: str) -> NDArray[Any]:
 
 
 def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
-            receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
+             receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
     """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
     count = len(messages)
     stamps = np.empty((len(stamps_read), count), np.int64).T
