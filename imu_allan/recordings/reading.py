@@ -9,15 +9,17 @@ at every numpy call. For millions of messages that is slower (bench/bench_analyz
 separate process, which only costs a tenth of a second to start. It is a fresh interpreter, not a
 fork, so threads and locks of this process do not matter.
 
-The process receives the open recording on its standard input, and writes the blocks to its
-standard output, a pipe that holds most of one. If either process ends, the other finds the pipe
-closed and ends too.
+The process receives the open recording on its standard input, and a block of shared memory. It
+fills the slots of that memory in turn and reports each on its standard output. A slot is returned
+on its standard input once its messages are copied. If either process ends, the other finds the
+pipe closed and ends too. The memory is anonymous and disappears with them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
+from mmap import mmap
 import os
 import pickle
 from queue import SimpleQueue
@@ -25,6 +27,7 @@ import signal
 import subprocess
 import sys
 from threading import Event, Semaphore, Thread
+from typing import Any
 
 from imu_allan.block import ImuBlock, joined
 from imu_allan.errors import ImuAllanError, printable
@@ -33,14 +36,21 @@ from imu_allan.recordings.choose_streams import choose_topic
 from imu_allan.recordings.recording import Recording, unreadable_error
 from imu_allan.wording import NO_TOPIC
 import numpy as np
+from numpy.typing import NDArray
 
 Read = tuple[ImuBlock, int]
 """A block, and the number of bytes consumed so far."""
 
 WORTHWHILE_BYTES = 1 << 26
 """Size in bytes from which a recording is read by a separate process."""
-_PROCESS_BLOCK = 1 << 14
-"""Messages in a block from a process: each block costs the estimator some 100 calls of Python."""
+_SLOT_MESSAGES = 1 << 14
+"""Messages that fit into a slot: each slot costs the estimator some 100 calls of Python."""
+_SLOTS = 4
+"""Slots in shared memory (4.3 MB): the reader may be so many blocks ahead."""
+
+_SLOT = np.dtype([
+    ('header_ns', np.int64, _SLOT_MESSAGES), ('receive_ns', np.int64, _SLOT_MESSAGES),
+    ('samples', np.float64, (6, _SLOT_MESSAGES)), ('absent', np.bool_, (2, _SLOT_MESSAGES))])
 
 
 def read_blocks(
@@ -158,11 +168,9 @@ def read_ahead(items: Generator[Read, None, None]) -> Iterator[Read]:
         raise failure[0]
 
 
-def larger_blocks(
-    blocks: Iterator[Read], at_least: int = 2048,
-) -> Generator[Read, None, None]:
+def larger_blocks(blocks: Iterator[Read]) -> Generator[Read, None, None]:
     """
-    Join consecutive blocks of one frame_id until they hold `at_least` so many messages.
+    Join consecutive blocks of one frame_id until they hold at least 2048 messages.
 
     A chunk of a single-topic bag is that large, and is passed on without a copy. The bytes
     consumed are those of the last block joined. An exception is raised after the blocks before it.
@@ -183,7 +191,7 @@ def larger_blocks(
                 yield taken()
             held.append(block)
             count, position = count + len(block), at
-            if count >= at_least:
+            if count >= 2048:
                 yield taken()
     except Exception:
         if held:
@@ -197,24 +205,38 @@ def larger_blocks(
 
 def read_in_process(recording: Recording, topic: str) -> Iterator[Read]:
     """Start a process that reads a topic; yield blocks and the bytes consumed so far."""
-    # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
-    process = start_python(
-        __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        start_new_session=True, pipesize=1 << 20)
+    _keep_memory()
+    memory = os.memfd_create('imu_allan')
+    try:
+        # Allocate now: if there is no room, the caller can still fall back to a thread.
+        os.posix_fallocate(memory, 0, _SLOTS * _SLOT.itemsize)
+        slots = _slots(memory)
+        # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
+        process = start_python(
+            __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            pass_fds=[memory], start_new_session=True)
+    finally:
+        os.close(memory)
     assert process.stdin is not None
     with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
-        pickle.dump((recording, topic), stdin)
-    return _received(recording, process)
+        pickle.dump((memory, recording, topic), stdin)
+    return _received(recording, process, slots)
 
 
-def _received(recording: Recording, process: subprocess.Popen[bytes]) -> Iterator[Read]:
+def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDArray[np.void]
+              ) -> Iterator[Read]:
     assert process.stdin is not None
     assert process.stdout is not None
-    _keep_memory()
     try:
         with open(process.stdout.fileno(), 'rb', closefd=False) as reported:
             while (item := pickle.load(reported)) is not None:
-                yield item
+                slot, messages, frame_id, position = item
+                block = ImuBlock(frame_id=frame_id, **{
+                    name: values.copy('K')
+                    for name, values in _arrays(slots[slot], 0, messages).items()})
+                with suppress(BrokenPipeError):
+                    process.stdin.write(bytes([slot]))
+                yield block, position
             failure, remarks = pickle.load(reported)
     except (EOFError, pickle.UnpicklingError):
         code = process.wait()
@@ -244,15 +266,16 @@ def _worth_a_process(recording: Recording) -> bool:
     """Return whether a separate process reads this recording faster than a thread."""
     interpreter = bool(sys.executable) and not getattr(sys, 'frozen', False)
     return (recording.size_bytes >= WORTHWHILE_BYTES and interpreter
-            and hasattr(os, 'sched_getaffinity') and len(os.sched_getaffinity(0)) > 1)
+            and hasattr(os, 'memfd_create') and len(os.sched_getaffinity(0)) > 1)
 
 
 def serve() -> None:
     """Run the reading process."""
     # Let termination from outside still remove temporary files.
     exit_on_sigterm()
-    recording, topic = pickle.load(sys.stdin.buffer)
+    memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
+    slots = _slots(memory)
     reports = os.fdopen(os.dup(1), 'wb')
 
     def report(item: object) -> None:
@@ -265,9 +288,8 @@ def serve() -> None:
     with suppress(BrokenPipeError):
         try:
             # Always close the generator, since a recording may have unpacked files to remove.
-            with closing(larger_blocks(recording.decoded(topic), _PROCESS_BLOCK)) as blocks:
-                for item in blocks:
-                    report(item)
+            with closing(recording.decoded(topic)) as decoded:
+                _fill(decoded, slots, report)
         except BrokenPipeError:
             raise
         except Exception as error:
@@ -277,6 +299,43 @@ def serve() -> None:
         report((failure, recording.remarks))
     # Exit at once: nothing is left to clean up, and the other process is waiting.
     os._exit(0)
+
+
+def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
+          report: Callable[[object], None]) -> None:
+    """Copy messages into a slot until it is full or the frame_id changes, and report it."""
+    free, filled, frame_id, position = list(range(_SLOTS)), 0, '', 0
+
+    def pass_on() -> None:
+        nonlocal filled
+        if filled:
+            report((free.pop(0), filled, frame_id, position))
+            filled = 0
+
+    try:
+        for block, at in decoded:
+            if block.frame_id != frame_id:
+                pass_on()
+            start = 0
+            while start < len(block):
+                free += b'' if free else _returned_slots()
+                part = block.part(slice(start, start + _SLOT_MESSAGES - filled))
+                for name, values in _arrays(slots[free[0]], filled, len(part)).items():
+                    values[:] = getattr(part, name)
+                start, filled = start + len(part), filled + len(part)
+                frame_id, position = block.frame_id, at
+                if filled == _SLOT_MESSAGES:
+                    pass_on()
+    finally:
+        pass_on()
+
+
+def _returned_slots() -> bytes:
+    """Wait for slots whose messages have been copied."""
+    slots = os.read(0, _SLOTS)
+    if not slots:
+        raise BrokenPipeError
+    return slots
 
 
 def _keep_memory() -> None:
@@ -290,3 +349,13 @@ def _keep_memory() -> None:
     # Larger than any block, and below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD,
     # mallopt(3)).
     np.empty(1 << 24, np.uint8)
+
+
+def _slots(memory: int) -> NDArray[np.void]:
+    """Map the shared memory as an array of `_SLOTS` slots."""
+    return np.frombuffer(mmap(memory, _SLOTS * _SLOT.itemsize), _SLOT)
+
+
+def _arrays(slot: np.void, first: int, messages: int) -> dict[str, NDArray[Any]]:
+    """View messages of a slot; the samples are stored axis by axis."""
+    return {name: slot[name].T[first:first + messages] for name in _SLOT.names or ()}
