@@ -103,15 +103,16 @@ class FieldsDecoder:
         parts = self._parts([batch for batch in batches if len(batch.rows)], on_malformed)
         if not parts:
             return []
+        if len(parts) == 1:
+            [(frame_id, columns)] = parts
+            return [ImuBlock(self._header_ns(columns['stamps']), columns['receive_ns'],
+                             columns['samples'], columns['absent'], frame_id)]
         names = [*dict.fromkeys(frame_id for frame_id, _ in parts)]
         for frame_id, part in parts:
             part['frame'] = np.full(len(part['samples']), names.index(frame_id))
-        columns = parts[0][1]
-        if len(parts) > 1:
-            order = np.argsort(np.concatenate([part['message'] for _, part in parts]),
-                               kind='stable')
-            columns = {name: np.concatenate([part[name] for _, part in parts])[order]
-                       for name in columns}
+        order = np.argsort(np.concatenate([part['message'] for _, part in parts]), kind='stable')
+        columns = {name: np.concatenate([part[name] for _, part in parts])[order]
+                   for name in parts[0][1]}
         header_ns, frames = self._header_ns(columns['stamps']), columns['frame']
         return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
                          columns['absent'][a:b], names[frames[a]])
@@ -220,7 +221,7 @@ class Layout:
         Start and stop of the bytes in which other messages of equal size with this layout, and of
         this frame, agree.
     record : dtype
-        A message as a record of the numbers and arrays `wanted`, by their paths.
+        A message as a record of the numbers and arrays that are read, by their paths.
     frame_id : str
         The frame that it names, or an empty text.
 
@@ -252,14 +253,17 @@ class Layout:
             raise MalformedImu(
                 f'{size} bytes are not a message of type {messages.type_name}, which takes '
                 f'{self._at}')
-        self.record = record_of(self._places, size)
+        places = {}
         for path in messages.fields.numbers():
             name, element = split_path(path)
             if name not in self._places:
                 raise MalformedImu(f'it has no field {name}')
-            [count] = self.record[name].shape or (1,)
-            if element >= count:
-                raise MalformedImu(f'{name} has {count} elements')
+            (kind, shape), at = self._places[name]
+            if element >= prod(shape):
+                raise MalformedImu(f'{name} has {prod(shape)} elements')
+            places[path] = (((kind, shape), at) if path == name else
+                            (kind, at + element * np.dtype(kind).itemsize))
+        self.record = record_of(places, size)
         frame = self._texts.get(messages.fields.frame_id or '', slice(0, 0))
         # Bytes after the last requested field do not affect any position.
         end = max(frame.start, *(at for _, at in self._places.values()), 0)
@@ -331,12 +335,6 @@ class Layout:
 
 # ------------------------------------------------------------------------------ records as columns
 
-def _column(messages: NDArray[np.void], path: str) -> NDArray[Any]:
-    """Return a field, or an element of an array, of all messages."""
-    name, element = split_path(path)
-    return messages[name] if name == path else messages[name][:, element]
-
-
 def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
              receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
     """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
@@ -347,13 +345,14 @@ def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[
     if fields.burst is not None:
         return _burst(fields, fields.burst, messages, stamps, receive_ns, on_malformed)
     # Each axis is contiguous, which numpy prefers.
-    samples, absent = np.zeros((6, count)).T, np.ones((count, 2), np.bool_)
+    samples, absent = np.zeros((6, count)).T, np.ones((2, count), np.bool_).T
     for first, vector in fields.vectors():
         for axis, path in enumerate(vector.paths, first):
-            samples[:, axis] = _column(messages, path)
+            samples[:, axis] = messages[path]
         _to_si(samples[:, first:first + 3], vector, messages)
-        absent[:, first // 3] = (
-            vector.covariance is not None and _column(messages, vector.covariance) == -1.0)
+        absent[:, first // 3] = False
+        if vector.covariance is not None:
+            np.equal(messages[vector.covariance], -1.0, out=absent[:, first // 3])
     return {'stamps': stamps, 'receive_ns': np.array(receive_ns, np.int64), 'samples': samples,
             'absent': absent}
 
@@ -364,8 +363,8 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
     """Expand messages with many samples; the stamp is that of the last sample."""
     [(first, vector)] = fields.vectors()
     width = min(messages[path].shape[1] for path in vector.paths)
-    filled = _column(messages, burst.samples).astype(np.int64)
-    step_ns = _column(messages, burst.step_us).astype(np.float64) * 1e3
+    filled = messages[burst.samples].astype(np.int64)
+    step_ns = messages[burst.step_us].astype(np.float64) * 1e3
     # A burst sampled at less than 1 Hz is not from an IMU, but a damaged number.
     sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
         step_ns < 1e9)
@@ -392,7 +391,7 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
 def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
     """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
     def each(path: str) -> Array:
-        return _column(messages, path).astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
+        return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
 
     if vector.scale is not None:
         numbers *= each(vector.scale)
@@ -408,11 +407,11 @@ def _time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
     """Return stamps in nanoseconds; -1 for invalid times."""
     if stamp.unit_ns == 0:
         seconds, nanoseconds = stamp.paths
-        times: Ints = _column(messages, seconds).astype(np.int64)
+        times: Ints = messages[seconds].astype(np.int64)
         times *= 1_000_000_000
-        times += _column(messages, nanoseconds).astype(np.int64)
+        times += messages[nanoseconds]
         return times
-    number = _column(messages, stamp.path)
+    number = messages[stamp.path]
     # Integers are scaled exactly, floating-point numbers as doubles.
     exact = number.dtype.kind in 'iu'
     rough = number.astype(np.float64) * stamp.unit_ns
