@@ -212,6 +212,9 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
             (b'ULog\x01\x12\x35', 'autopilot_log', 'UlogRecording'),
             (b'\xa3\x95\x80', 'autopilot_log', 'ArduPilotRecording')):
         if head.startswith(first_bytes):
+            if options.columns:
+                raise ImuAllanError(f'{printable(path)}: --columns is for CSV files; --gyro and '
+                                    '--accel name the fields of messages')
             # The libraries of a format are imported only if it is read.
             kind = getattr(import_module(f'imu_allan.recordings.formats.{module}'), name)
             recording: Recording = kind(path, stored, options)

@@ -11,7 +11,7 @@ import tempfile
 import bags
 from bags import assert_same, block, read, refusal, write_db3, write_mcap
 from imu_allan.errors import printable
-from imu_allan.recordings import open_recording, read_blocks, recordings_in
+from imu_allan.recordings import open_recording, read_blocks, RecordingOptions, recordings_in
 from imu_messages import encode_imu
 import numpy as np
 from processes import python
@@ -56,6 +56,13 @@ def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp
     assert refusal(tmp_path / 'pipe') == 'not a file'
     for name in ('none.mcap', 'a\0b'):
         assert refusal(tmp_path / name) == 'no such file or directory'
+
+
+def test_columns_are_named_of_tables_alone(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', block(10))
+    with refused(f'{path}: --columns is for CSV files; --gyro and --accel name the fields of '
+                 'messages'):
+        open_recording(path, options=RecordingOptions(columns=(('gyro_x', 'w'),)))
 
 
 @pytest.mark.parametrize('name', ['ä日.mcap', 'line\nbreak \x1b[31m.mcap'])
