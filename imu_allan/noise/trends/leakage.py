@@ -3,16 +3,15 @@
 """
 Leakage of a trend into blocks, which are too short for regressors and keep only power.
 
-Over a block, a smooth trend is like a ramp. The leakage is that of a ramp with the slopes of the
-trend fitted to the whole record, and subtracted. Bins where it is not small compared with the
-noise are not used.
+What a smooth trend leaks depends on its slopes at both ends of a block. They are those of the
+trend fitted to the whole record. The leakage is subtracted; bins where it is not small compared
+with the noise are not used.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.noise import spectrum
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.cells import end_to_end
 from imu_allan.noise.record.periodogram import Periodogram, SpectrumSection
@@ -35,10 +34,13 @@ def leaks(sections: Sequence[SpectrumSection], bins: Bins, dt: float, duration_s
     `duration_s`: from the beginning of the record to its end. `trend`: over the record. Returns
     shape (bins,): zero for the coefficients of the whole record.
     """
-    squares = np.array([
-        mean_square_slope(trend, 0.0, duration_s, section.length * section.step * dt)
-        if section.coefficients is None else 0.0 for section in sections])
-    return np.asarray(-np.minimum(bins.ramp, 0.0) * squares[bins.section])
+    found = np.zeros(len(bins.index))
+    for number, section in enumerate(sections):
+        if section.coefficients is None:
+            here = bins.section == number
+            found[here] = _of_slopes(trend, 0.0, duration_s, section.length, section.step * dt,
+                                     bins.index[here])
+    return found
 
 
 def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -> Periodogram:
@@ -69,8 +71,7 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
             place = layout(length, step)
             index = np.arange(place.first, place.last)
             block_s = length * step * dt
-            square = mean_square_slope(trend, begin, end, block_s)
-            leak = place.means(spectrum.ramp_dct(length, step * dt)[index - 1]**2 * square
+            leak = place.means(_of_slopes(trend, begin, end, length, step * dt, index)
                                + jump**2 * _of_step(length, index) * block_s / (end - begin))
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
@@ -81,11 +82,20 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
     return calm
 
 
-def mean_square_slope(trend: Waveform, begin_s: float, end_s: float, block_s: float) -> float:
-    """Return the mean squared slope of a trend at the ends of blocks."""
-    edges = np.linspace(begin_s, end_s, max(round((end_s - begin_s) / block_s), 1) + 1)
-    near = 1e-3 * block_s
-    return float(np.mean(((trend(edges + near) - trend(edges - near)) / (2 * near))**2))
+def _of_slopes(trend: Waveform, begin_s: float, end_s: float, length: int, step_s: float,
+               index: Ints) -> Array:
+    """
+    Return the mean power of coefficients over blocks of a smooth trend, by its slopes at the ends.
+
+    Odd coefficients are those of a ramp of the mean slope, even ones of half the difference.
+    """
+    blocks = max(round((end_s - begin_s) / (length * step_s)), 1)
+    edges, near = np.linspace(begin_s, end_s, blocks + 1), 1e-3 * length * step_s
+    slopes = (trend(edges + near) - trend(edges - near)) / (2 * near)
+    first, last = slopes[:-1], slopes[1:]
+    square = np.where(index % 2, np.mean((last + first)**2), np.mean((last - first)**2)) / 4
+    half = np.pi * index / (2 * length)
+    return np.asarray(square * (step_s * np.cos(half))**2 / (2 * length * np.sin(half)**4))
 
 
 def _of_step(length: int, index: Ints) -> Array:
