@@ -58,7 +58,8 @@ def test_a_mean_that_follows_the_temperature_is_no_random_walk():
     assert np.mean([covers(one.ci95, 1e-3) for one in heat]) > 0.7
     widths = [np.mean([np.diff(ends(one.coefficients[B])) for one in some])
               for some in (beside, without)]
-    assert widths[0] < widths[1]
+    # Without a thermometer a warm-up and a cycle take its place.
+    assert widths[0] == pytest.approx(widths[1], rel=0.02)
     assert all(holds(one.coefficients[B], 3e-4) for one in beside)
 
 

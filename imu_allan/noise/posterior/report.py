@@ -126,6 +126,10 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     if sum(one.trend.kind.key == 'bias_step' for one in moving) > 1:
         # Two steps may as well be a bump or something else.
         moving = tuple(one for one in moving if one.trend.kind.key != 'bias_step')
+    # Slower than the record, a warm-up may only bend the mean: then its size is not known.
+    moving = tuple(one for one in moving if one.trend.kind.key != 'warm_up' or record is None
+                   or one.trend.value <= record.duration_s
+                   or abs(one.columns[0][0]) > NORMAL95 * one.columns[0][1])
     identified = (sigma.observable or exponent.observable or bool(moving) or ramp.observable
                   or found['rate_random_walk'].observable)
     change, edge = posterior.change.typical, posterior.edge
