@@ -145,7 +145,7 @@ class FinishedGroup:
 
     @cached_property
     def fits(self) -> list[AxisFit | None]:
-        """The fits of these axes."""
+        """Return the fits of these axes."""
         return fit_axes(self.estimator, 1 / self.rate_hz, self.temperature)
 
     def only(self, name: str) -> Estimator:
