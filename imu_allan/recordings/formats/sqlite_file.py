@@ -225,7 +225,7 @@ class SqliteRecording(FileRecording):
                     'SELECT timestamp, data FROM messages NOT INDEXED '
                     f'WHERE topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid')
                 # So many fit into the cache. Those before a damaged one stay in the list.
-                rows.extend(islice(cursor, 1024))
+                rows.extend(islice(cursor, 2048))
             except sqlite3.Error as error:
                 damage = printable(error)
             else:
