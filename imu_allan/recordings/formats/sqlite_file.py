@@ -218,14 +218,15 @@ class SqliteRecording(FileRecording):
         share, damage = 0.0, ''
         rows: list[tuple[int, bytes]] = []
         cursor: Iterator[tuple[int, bytes]] | None = None
+        most = 512
         while not damage:
             held = len(rows)
             try:
                 cursor = cursor or database.execute(
                     'SELECT timestamp, data FROM messages NOT INDEXED '
                     f'WHERE topic_id IN ({self._numbers(database, imu)}) ORDER BY rowid')
-                # So many fit into the cache. Those before a damaged one stay in the list.
-                rows.extend(islice(cursor, 2048))
+                # Those before a damaged one stay in the list.
+                rows.extend(islice(cursor, most))
             except sqlite3.Error as error:
                 damage = printable(error)
             else:
@@ -238,6 +239,8 @@ class SqliteRecording(FileRecording):
             if not messages:
                 continue
             all_bytes += sum(map(len, messages))
+            # A megabyte at a time fits into the cache.
+            most = min(max((1 << 20) // max(len(messages[-1]), 1), 64), 2048)
             if all_bytes > self._room:
                 damage = damage or 'its messages have more bytes than the file'
             share = min(max((stamps[-1] - first) / max(last - first, 1), 0.0), 1.0)
