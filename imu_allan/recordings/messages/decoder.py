@@ -409,7 +409,8 @@ def _time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
         seconds, nanoseconds = stamp.paths
         times: Ints = messages[seconds].astype(np.int64)
         times *= 1_000_000_000
-        times += messages[nanoseconds]
+        # A type of the user's own may have any numbers.
+        times += messages[nanoseconds].astype(np.int64)
         return times
     number = messages[stamp.path]
     # Integers are scaled exactly, floating-point numbers as doubles.

@@ -5,9 +5,9 @@
 from contextlib import closing
 
 from bags import database, figures, insert, raise_malformed, read, refusal, said
-from imu_allan.cdr import MessageBatch
+from imu_allan.cdr import batches_of, MessageBatch
 from imu_allan.recordings import open_recording, RecordingOptions
-from imu_allan.recordings.messages.definitions import Definition, parse
+from imu_allan.recordings.messages.definitions import Definition, field_of, parse
 from imu_allan.recordings.messages.imus_in import found_by_shape, imu_messages
 import numpy as np
 import other_types
@@ -214,6 +214,20 @@ def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
     messages, _ = read(path, options=RecordingOptions(gyro='gx,gy,gz', stamp='inner.when'))
     assert messages.samples[:, :3].tolist() == [[n, -n, 7] for n in range(COUNT)]
     assert messages.absent.all(axis=0).tolist() == [False, True]
+
+
+@pytest.mark.parametrize('kind', ['uint32', 'uint64', 'float64'])
+def test_the_seconds_and_nanoseconds_of_a_time_may_be_any_numbers(kind):
+    message = np.zeros(1, [('head', 'u1', 4), ('sec', '<i4'), ('pad', 'V4' if kind[-2:] == '64'
+                                                               else 'V0'),
+                           ('nanosec', np.dtype(kind)), ('gyro', '<f8', 3)])
+    message['head'], message['sec'], message['nanosec'] = (0, 1, 0, 0), 7, 5
+    decode = imu_messages('a/msg/M', {
+        'a/msg/M': (field_of('t', 'a/msg/T'), field_of('gyro', 'float64', 3)),
+        'a/msg/T': (field_of('sec', 'int32'), field_of('nanosec', kind))},
+        options=RecordingOptions(gyro='gyro', stamp='t')).decoder()
+    [block] = decode(batches_of([message.tobytes()], np.zeros(1, np.int64)), raise_malformed)
+    assert block.header_ns.tolist() == [7_000_000_005]
 
 
 @pytest.mark.parametrize(('options', 'reason'), [
