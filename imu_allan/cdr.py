@@ -17,7 +17,7 @@ Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer
 
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -99,13 +99,6 @@ def encode_imu_rows(block: ImuBlock) -> NDArray[np.uint8]:
         rows[half] = block.samples[:, first:first + 3]
         rows[f'{half}_covariance'][block.absent[:, first // 3], 0] = -1.0
     return rows.view(np.uint8).reshape(len(block), rows.itemsize)
-
-
-def record_of(fields: Mapping[str, tuple[Any, int]], size: int) -> np.dtype[np.void]:
-    """Describe `size` bytes as a record of fields, given by type and offset."""
-    return np.dtype({
-        'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
-        'offsets': [at for _, at in fields.values()], 'itemsize': size})
 
 
 def rows_like_first(rows: NDArray[np.uint8], spans: Iterable[tuple[int, int]]) -> Bools | None:

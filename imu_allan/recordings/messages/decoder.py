@@ -30,7 +30,6 @@ from imu_allan.cdr import (
     MalformedImu,
     MessageBatch,
     OnMalformed,
-    record_of,
     rows_like_first,
     Serialization,
 )
@@ -263,7 +262,9 @@ class Layout:
                 raise MalformedImu(f'{name} has {prod(shape)} elements')
             places[path] = (((kind, shape), at) if path == name else
                             (kind, at + element * np.dtype(kind).itemsize))
-        self.record = record_of(places, size)
+        self.record = np.dtype({
+            'names': list(places), 'formats': [kind for kind, _ in places.values()],
+            'offsets': [at for _, at in places.values()], 'itemsize': size})
         frame = self._texts.get(messages.fields.frame_id or '', slice(0, 0))
         # Bytes after the last requested field do not affect any position.
         end = max(frame.start, *(at for _, at in self._places.values()), 0)
