@@ -18,7 +18,7 @@ from statistics import median
 import time
 
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.joint import joint_fit
+from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 import numpy as np

@@ -138,7 +138,7 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
     """Return the result of one recording."""
-    from imu_allan.characterization.join_gyro_and_accel import united
+    from imu_allan.characterization.join_results import united
 
     with choice.opened(path) if recording is None else nullcontext(
             recording.for_another_topic()) as opened:
@@ -157,8 +157,8 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
 
 def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:
     """Return the joint result of several recordings, for each half of the IMU if it has two."""
-    from imu_allan.characterization.join_gyro_and_accel import united
-    from imu_allan.characterization.joint import joint_result
+    from imu_allan.characterization.join_results import united
+    from imu_allan.characterization.several_recordings import joint_result
 
     for other, path in combinations(paths, 2):
         if Path(path).resolve() == Path(other).resolve():

@@ -9,7 +9,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
 from imu_allan.datasheet import check_state
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.joint import joint_fit
+from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity

@@ -18,12 +18,12 @@ from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
-from imu_allan.noise.outlook import Forecasts, outlook
 from imu_allan.noise.posterior.estimates import Estimate
 from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.posterior.thresholds_and_priors import POSSIBLE
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
+from imu_allan.noise.recording_time import Forecasts, further_times
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.uncertainty import below_curve, CERTAIN
@@ -210,7 +210,7 @@ def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
     if fitted.power_law is not None:
         # A longer record would also improve a power law, but there is no forecast of that.
         return {}
-    forecast = outlook(
+    forecast = further_times(
         {key: e.value if e.presence > POSSIBLE else 0.0 for key, e in fitted.estimates.items()},
         {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
     if fitted.high_pass_hz is not None:

@@ -118,7 +118,7 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
           ) -> 'tuple[Result, list[Verdict]]':
     """Read a recording until the verdict is certain, and print after how long it was."""
     from imu_allan.analysis import growing
-    from imu_allan.characterization.join_gyro_and_accel import fitted
+    from imu_allan.characterization.join_results import fitted
     from imu_allan.datasheet import check_state, next_look
     from imu_allan.wording import duration as said
     from imu_allan.writers.result_files import is_result

@@ -7,7 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from imu_allan.characterization.join_gyro_and_accel import fitted
+from imu_allan.characterization.join_results import fitted
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import LogOfChanges
 from imu_allan.node.output_topics import OutputTopics, result_messages

@@ -24,7 +24,7 @@ import tempfile
 import time
 from typing import Any
 
-from imu_allan.characterization.join_gyro_and_accel import fitted
+from imu_allan.characterization.join_results import fitted
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log

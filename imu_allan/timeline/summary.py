@@ -5,7 +5,7 @@ Summary of the messages so far, with the findings about stamps, losses, gaps, va
 
 The result, `imu_allan info` and the node's /diagnostics all describe one `TimelineSummary`.
 Findings about counts are reported above a threshold, which stands beside each. Those about
-decisions, such as the choice of a clock, come from intake.py, where it is decided.
+decisions, such as the choice of a clock, come from where it is decided (choose_clock.py).
 """
 
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ from characterized import streamed
 from diagnostic_msgs.msg import DiagnosticStatus
 from exact_results import only, UNSEEN, with_axes, with_coefficient
 from imu_allan.characterization import axis_groups
-from imu_allan.characterization.join_gyro_and_accel import fitted
+from imu_allan.characterization.join_results import fitted
 from imu_allan.finding import finding
 from imu_allan.finding_messages import message_of, with_words
 from imu_allan.node import diagnostics

@@ -8,7 +8,7 @@ from operator import itemgetter
 import time
 from unittest.mock import Mock
 
-from imu_allan.characterization.join_gyro_and_accel import fitted
+from imu_allan.characterization.join_results import fitted
 from imu_allan.node import run as run_module
 from imu_allan.node.change_of_run import Runs
 from imu_allan.node.diagnostics import Facts

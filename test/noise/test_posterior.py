@@ -7,7 +7,7 @@ from collections import defaultdict
 from characterized import B, joint_fits, K, N, shown, together
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.joint import joint_fit
+from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.posterior import search
 from imu_allan.noise.posterior.draws import sample
 from imu_allan.noise.posterior.evidence import maximise_rows

@@ -21,9 +21,9 @@ from math import pi
 
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.regression import RIDGE
+from imu_allan.noise.trends.kinds import cycle
 from imu_allan.noise.trends.leakage import Waveform
 from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
-from imu_allan.noise.trends.waveforms import cycle
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from characterized import covers, messages, N, said, streamed, unbiased
-from imu_allan.characterization.joint import joint_result
+from imu_allan.characterization.several_recordings import joint_result
 from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import SimulatedImu

@@ -12,8 +12,8 @@ import numpy as np
 Forecasts = dict[str, tuple[float | None, float | None]]
 
 
-def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
-            duration_s: float) -> Forecasts:
+def further_times(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
+                  duration_s: float) -> Forecasts:
     """
     Forecast how much longer to record.
 

@@ -6,7 +6,7 @@ from characterized import B, K, messages, N, simulated, state_of
 from imu_allan.characterization import Characterization
 from imu_allan.datasheet import next_look
 from imu_allan.noise import spectrum
-from imu_allan.noise.outlook import outlook
+from imu_allan.noise.recording_time import further_times
 from imu_allan.noise.sequential import SMALLEST_RECORD
 from imu_allan.sensor.noise_model import parse_model
 import numpy as np
@@ -45,7 +45,7 @@ def whole_time(coefficients, key, wanted):
 @pytest.mark.parametrize('absent', [None, *KEYS[1:]])
 def test_halving_takes_as_long_as_the_fisher_information_says(absent):
     coefficients = {key: 0.0 if key == absent else value for key, value in SENSOR.items()}
-    found = outlook(coefficients, dict.fromkeys(KEYS, True), DT, LENGTH)
+    found = further_times(coefficients, dict.fromkeys(KEYS, True), DT, LENGTH)
     for key in KEYS:
         expected = None
         if coefficients[key]:
@@ -58,7 +58,7 @@ def test_halving_takes_as_long_as_the_fisher_information_says(absent):
 @pytest.mark.parametrize(('key', 'value'), [(B, 0.05), (K, 0.002)])
 def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observable(key, value):
     coefficients = {N: 1.0, key: value}
-    found = outlook(coefficients, {N: True}, DT, LENGTH)
+    found = further_times(coefficients, {N: True}, DT, LENGTH)
     # Of a square that is zero 2 standard errors come once in 40 records, 3.5 once in 4000.
     first, last = (whole_time(coefficients, key, value**2 / errors) for errors in (2.0, 3.5))
     assert first > LENGTH
@@ -70,7 +70,7 @@ def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observ
 @pytest.mark.parametrize(('key', 'value'), [(B, 3e-4), slow(K, 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):
     coefficients = {N: 1e-3, key: value}
-    wait = outlook(coefficients, {N: True}, 0.05, 60.0)[key][0]
+    wait = further_times(coefficients, {N: True}, 0.05, 60.0)[key][0]
     samples = round((60 + wait) * 20)
     # Nor does it show in most records a sixth of that length.
     for count, lowest, highest in ((samples, 0.25, 1.01), (samples // 6, -0.01, 0.5)):

@@ -25,7 +25,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.allan_deviation import joined_octaves, octaves
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.joint import joint_fit
+from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
