@@ -478,7 +478,7 @@ WORDS: Mapping[str, Words] = {
     'counted_samples': Words(
         'counted samples', 'No stamps are used: missing samples cannot be seen.',
         'Neither clock is usable, or none was asked for.',
-        says='no usable stamps: samples are counted at the stated {rate_hz:g} Hz, and missing '
+        says='no stamps are used: samples are counted at the stated {rate_hz:g} Hz, and missing '
              'ones cannot be seen'),
     'uneven_stamps': Words(
         'uneven stamps', 'Single missing samples cannot be seen.',

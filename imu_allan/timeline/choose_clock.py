@@ -34,11 +34,15 @@ import numpy as np
 
 def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
     """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
+    decision.clock = 'header'
+    one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
+    if options.force_rate:
+        decision.count_samples(options.rate_hz)
+        return
     repeats = repeated(window.samples)
     flaws = {'header': flaw_of(window.header_ns, repeats, bursts=False),
              'receive': flaw_of(window.receive_ns, repeats, bursts=True)}
     choice = 'header' if options.clock == 'auto' else options.clock
-    one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
     if flaws['header'] and options.clock == 'auto' and not (
             one and flaws['header'] == 'out of order'):
         if not flaws['receive']:
@@ -57,8 +61,7 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
                     f'header stamps are {flaws["header"]} and receive stamps '
                     f'{flaws["receive"]}:')
             raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
-        decision.counted_only = True
-        decision.remarks['counted_samples'] = {'rate_hz': options.rate_hz}
+        decision.count_samples(options.rate_hz)
     elif choice == 'header':
         # Different messages share a stamp more often than by an occasional driver fault.
         tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
@@ -76,7 +79,7 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
         return
     decision.take_pace(pace)
     # Fewer stamps do not give the rate well enough to contradict the stated one.
-    if options.rate_hz is None or options.force_rate or pace.messages < PHASE_GROUP:
+    if options.rate_hz is None or pace.messages < PHASE_GROUP:
         return
     measured, one = SECOND / pace.interval_ns, decision.one_clock
     if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / pace.messages:
@@ -84,7 +87,7 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
             f'the stated rate is {options.rate_hz:g} Hz, but the '
             f'{"times" if one else f"{decision.clock} stamps"} advance at {measured:.6g} Hz. '
             f'Leave out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
-            'or force the stated rate (analyze --clock none)')
+            'or count samples at the stated rate (analyze --clock none)')
 
 
 def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> Pace | None:

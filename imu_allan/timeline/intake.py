@@ -50,7 +50,8 @@ def usable(memory: Memory, window: Window) -> Messages:
     counts = memory.counts
     faulty = counts.header.add(window.header_ns[:c])
     counts.receive.add(window.receive_ns[:c])
-    if faulty and decision.clock == 'header' and memory.options.clock == 'auto':
+    if (faulty and decision.clock == 'header' and memory.options.clock == 'auto'
+            and not decision.counted_only):
         replace_header_clock(memory, window)
     stamps, other = stamps_of(memory, window)
     samples, unusable = _values(memory, window, all_usable)

@@ -40,7 +40,7 @@ class TimelineOptions:
     rate_hz : float or None
         Sample rate stated by the user, which overrides the measured one.
     force_rate : bool
-        Use the stated rate even if the measured one differs by more than 2 %.
+        Count samples at the stated rate, whatever their stamps.
     gap_tolerance : int
         Longest gap, in samples, that is interpolated by the local mean.
     motion : {'exclude', 'keep'}
@@ -243,6 +243,11 @@ class Decision(Record):
         """Use receive stamps, because of a flaw of the header stamps or, with None, as better."""
         self.clock, self.ticks = 'receive', False
         self.remarks['receive_clock'] = {'flaw': flaw}
+
+    def count_samples(self, rate_hz: float | None) -> None:
+        """Count samples at the stated rate, and use no stamps."""
+        self.counted_only = True
+        self.remarks['counted_samples'] = {'rate_hz': rate_hz}
 
     def take_pace(self, pace: Pace) -> None:
         """Adopt a measured pace, or raise ImuAllanError if no IMU has such a pace."""

@@ -208,6 +208,7 @@ def _clock_findings(memory: Memory) -> Iterator[Finding]:
     counts, decision = memory.counts, memory.decision
     # With fewer messages, the lag of the receive stamps hides any difference.
     if ((memory.options.clock, decision.clock) != ('auto', 'header') or decision.one_clock
+            or decision.counted_only
             or counts.header.last_ns is None or counts.receive.last_ns is None
             or counts.messages < 256):
         return

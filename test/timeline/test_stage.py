@@ -311,17 +311,27 @@ def test_without_any_usable_stamps_a_stated_rate_counts_samples():
     assert np.array_equal(rows_by_place(even)[1], block.samples)
 
 
-def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
+def test_a_stated_rate_far_from_the_measured_one_is_refused():
     block, stage = still(5000), TimelineStage(TimelineOptions(rate_hz=200.0))
     for _ in range(2):
         with refused('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave '
-                     'out the rate, choose the other clock (analyze --clock), or force the stated '
-                     'rate (analyze --clock none)'):
+                     'out the rate, choose the other clock (analyze --clock), or count samples at '
+                     'the stated rate (analyze --clock none)'):
             stage.push(block)
-    for options in ({'rate_hz': 200.0, 'force_rate': True}, {'rate_hz': 101.0}):
-        summary, _ = run(block, **options)
-        assert summary.timeline.sample_rate_hz == options['rate_hz']
-        assert summary.measured_rate_hz == 100.0
+    summary, _ = run(block, rate_hz=101.0)
+    assert (summary.timeline.sample_rate_hz, summary.measured_rate_hz) == (101.0, 100.0)
+
+
+def test_without_a_clock_samples_are_counted_whatever_their_stamps():
+    block = still(12_000)
+    # Every fifth step is twice as long, the clock jumps, and from then on it stands still.
+    stamps = block.header_ns + 10_000_000 * (np.arange(12_000) // 5)
+    stamps[6000:] += 3600 * 10**9
+    stamps[9000:] = stamps[9000]
+    summary, even = run(replace(block, header_ns=stamps), rate_hz=200.0, force_rate=True)
+    assert summary.timeline == Timeline(200.0, 12_000, pytest.approx(60.0))
+    assert (summary.clock, summary.start_time, codes(summary)) == (None, None, {'counted_samples'})
+    assert np.array_equal(rows_by_place(even)[1], block.samples)
 
 
 # The first window decides on all but the last 64 of its 4,096 messages.
@@ -340,8 +350,8 @@ def test_of_refused_stamps_nothing_is_reported():
     batches = START_NS + place // 10 * 100_000_000 + place % 10 * 3000
     stage = TimelineStage(TimelineOptions(clock='header', rate_hz=200.0))
     with refused('the stated rate is 200 Hz, but the header stamps advance at 100 Hz. Leave out '
-                 'the rate, choose the other clock (analyze --clock), or force the stated rate '
-                 '(analyze --clock none)'):
+                 'the rate, choose the other clock (analyze --clock), or count samples at the '
+                 'stated rate (analyze --clock none)'):
         stage.push(replace(block, header_ns=batches))
     assert not stage.summary().remarks
 
