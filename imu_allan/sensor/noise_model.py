@@ -136,10 +136,22 @@ def _unknown(where: str, key: str, known: Sequence[str]) -> ImuAllanError:
 def _yaml(text: str, name: str) -> Any:
     import yaml
 
+    class Loader(yaml.BaseLoader):
+        """Keeps every scalar as text, so that a value without unit stays as it was typed."""
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            """Refuse a key that is given twice, of which YAML would use only the last."""
+            keys = [key.value for key, _ in node.value]
+            for number, key in enumerate(keys):
+                if key in keys[:number]:
+                    raise yaml.MarkedYAMLError(
+                        problem=f'{shorten(repr(key), 60)} is given twice; keep one',
+                        problem_mark=node.value[number][0].start_mark)
+            found: dict[Any, Any] = super().construct_mapping(node, deep)
+            return found
+
     try:
-        # The base loader keeps every scalar as text, so a value without unit stays as it was
-        # typed.
-        return yaml.load(text, Loader=yaml.BaseLoader)
+        return yaml.load(text, Loader=Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         line = f'line {mark.line + 1} is ' if mark is not None else ''

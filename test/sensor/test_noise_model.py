@@ -171,6 +171,10 @@ def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
      f"gyro: unknown key '{28 * 'k'}…{28 * 'k'}'; known are {KEYS}"),
     ('accel: {velocity_random_walk: 0.1 m/s/sqrt(h), noise_density: 1 ug/sqrt(Hz)}',
      'accel: velocity_random_walk and noise_density are the same; keep one'),
+    ('name: My IMU\ngyro: {noise_density: 1 deg/sqrt(h)}\ngyro: {bias_instability: 1 deg/h}',
+     "line 3 is not YAML ('gyro' is given twice; keep one)"),
+    ('gyro:\n  noise_density: 1 deg/sqrt(h)\n  noise_density: 2 deg/sqrt(h)',
+     "line 3 is not YAML ('noise_density' is given twice; keep one)"),
 ])
 def test_a_message_says_where_what_and_what_to_write_instead(text, message):
     with refused(Varying(f'spec.yaml: {message}')):
