@@ -88,7 +88,7 @@ def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, output_of, fail
     text = output_of(*export, 'kalibr')
     # Without K the bias moves as far as its flicker: 0.664 B sqrt(3 / 60 s).
     assert yaml.safe_load(text)['gyroscope_random_walk'] == pytest.approx(7.2e-6, rel=2e-3)
-    assert ('# It has no K: filter K is as large as the flicker, 0.664 B, after 60 s unaided.\n'
+    assert ('# Filter K is as large as all slow noise after 60 s unaided; flicker is 0.664 B.\n'
             in text)
 
 

@@ -20,7 +20,7 @@ from exact_results import (
 )
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Source, Timeline
-from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.noise_model import load_model, parse_model
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.atomic import CONFIGURATION, kind_of
 from imu_allan.writers.filters import export as export_as_wished, ExportOptions
@@ -506,13 +506,51 @@ def test_the_flicker_of_a_datasheet_gives_a_process_where_a_filter_wants_one(tmp
     text = exported_sheet(tmp_path, 'kf_gins', ', bias_instability: 10 deg/h')
     found = yaml.safe_load(text)['imunoise']
     assert (found['gbstd'], found['corrtime']) == ([near(10.8)] * 3, near(60 / 1.89 / 3600))
-    assert ('# It has no sigma and Tc: a process of sigma 1.08 B is as large as the flicker, '
-            '0.664 B, after 60 s unaided.\n') in text
+    assert ('# Sigma and Tc are those of a process as large as all slow noise after 60 s unaided; '
+            'flicker is 0.664 B.\n') in text
     found = xml(exported_sheet(tmp_path, 'gazebo', ', bias_instability: 10 deg/h'))
     noise = found['angular_velocity']['z']['noise']
     assert noise['dynamic_bias_correlation_time'] == near(600 / 1.89)
     assert noise['dynamic_bias_stddev'] == near(
         10.8 * DEGREE / 3600 * (2 / (600 / 1.89))**0.5)
+
+
+def test_all_slow_noise_of_a_datasheet_enters_the_bias_of_a_filter(tmp_path):
+    limits = ', bias_instability: 10 deg/h, rate_random_walk: 1e-6 rad/s^2/sqrt(Hz)'
+    process = ', gauss_markov: {sigma: 10 deg/h, correlation_time: 30 s}'
+    b, h = 10 * DEGREE / 3600, 60.0
+    slow = {'B': 2 * np.log(2) / np.pi * b**2, 'K': 1e-12 * h / 3,
+            # IEEE Std 952-1997, C.1.1.6: a Markov process.
+            'sigma': 2 * (b * 30 / h)**2 * (h / 30 - (3 - 4 * np.exp(-2) + np.exp(-4)) / 2)}
+    for more, terms in (('', 'BK'), (process, ('B', 'K', 'sigma'))):
+        level = sum(slow[term] for term in terms) ** 0.5
+        text = exported_sheet(tmp_path, 'kalibr', limits + more)
+        assert yaml.safe_load(text)['gyroscope_random_walk'] == pytest.approx(
+            level * (3 / h)**0.5, rel=1e-3)
+        assert f'from {", ".join(terms)} ' in text
+    found = yaml.safe_load(exported_sheet(tmp_path, 'kf_gins', limits))['imunoise']
+    assert found['gbstd'] == [pytest.approx(
+        1.08 / 0.664 * (slow['B'] + slow['K'])**0.5 * 3600 / DEGREE, rel=1e-3)] * 3
+    # A process is given as the filter has it.
+    found = yaml.safe_load(exported_sheet(tmp_path, 'kf_gins', limits + process))['imunoise']
+    assert (found['gbstd'], found['corrtime']) == ([near(10.0)] * 3, near(30 / 3600))
+
+
+def test_a_datasheet_has_no_upper_ends_to_be_conservative_with():
+    sheet = result_of_datasheet(parse_model('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}'), 'a')
+    with refused('a datasheet has no intervals to be conservative about; --inflate N=2,K=5 makes '
+                 'its numbers larger'):
+        export_as_wished(sheet, 'kalibr', ExportOptions(conservative=True))
+
+
+def test_an_imu_on_two_topics_has_none_that_a_filter_could_subscribe_to():
+    result = build()
+    apart = replace(result, source=replace(result.source, topic='/imu/gyro, /imu/accel'))
+    for consumer in ('kalibr', 'vins_fusion', 'fast_lio'):
+        text = export(apart, consumer)
+        assert '/imu/gyro, /imu/accel' not in [
+            line for line in text.splitlines() if not line.lstrip().startswith('#')]
+        assert 'topic: "/imu/gyro' not in text
 
 
 @pytest.mark.parametrize(('consumer', 'line'), [

@@ -11,13 +11,22 @@ named. The numbers of a datasheet replace a result where there are no measuremen
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import sqrt
 from statistics import median_high
 from typing import get_args, Literal
 
 from imu_allan import result as schema
+from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
+from imu_allan.noise.terms import (
+    allan_variance,
+    AXES,
+    FLICKER_FLOOR,
+    gauss_markov_avar,
+    SLOW_TERMS,
+    TERMS,
+)
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.tuning.forecast import upper_bound
@@ -31,6 +40,9 @@ Sensor = Literal['accel', 'gyro']
 Scale = Callable[[float], float]
 
 SENSORS: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
+_SIGMA, _PEAK = 1.08, 1.89
+"""Sigma of a process as large as flicker of B = 1, and the averaging time of its largest Allan
+deviation, in correlation times: J. Farrell et al., IEEE Control Systems 42(6), 2022."""
 
 
 def times(factor: float) -> Scale:
@@ -79,7 +91,7 @@ class Number:
     interval : (float, float) or None
         95 % interval, if it was measured.
     of_flicker : bool
-        Whether it describes a process that approximates flicker, as none was measured.
+        Whether it stands for slow noise of another kind, such as flicker.
 
     """
 
@@ -112,14 +124,16 @@ class Numbers:
         self.consumer = consumer = CONSUMERS[name]
         self.aiding_s = options.aiding_s or consumer.aiding.interval_s
         self.coast_s = options.coast_s or max(consumer.aiding.coast_s, self.aiding_s or 0.0)
+        if self.of_datasheet and options.conservative:
+            raise ImuAllanError('a datasheet has no intervals to be conservative about; '
+                                '--inflate N=2,K=5 makes its numbers larger')
         self.tunings: dict[str, FilterTuning] = {}
         if not options.as_measured and self.aiding_s is not None:
             self._tune(self.aiding_s)
         self.coefficients = {axis: _measured(found, consumer.bias, self.coast_s)
                              for axis, found in result.axes.items()}
-        if (self.of_datasheet and consumer.bias == 'random_walk' and self.aiding_s is not None
-                and not options.as_measured):
-            self._let_the_bias_follow_flicker()
+        if self.of_datasheet and self.aiding_s is not None and not options.as_measured:
+            self._let_the_bias_follow_slow_noise()
         self.of_axis: dict[str, dict[Key, Number]] = {
             axis: {} if found.high_passed_hz is not None else self._numbers(axis)
             for axis, found in result.axes.items()}
@@ -161,7 +175,8 @@ class Numbers:
         if found.bound:
             return f'not observable, below {value}'
         if self.of_datasheet:
-            return f'{"from B" if found.of_flicker else "datasheet"} {value}'
+            terms = ', '.join(_slow_noise(self.result.axes[name]))
+            return f'{f"from {terms}" if found.of_flicker else "datasheet"} {value}'
         ends = '' if found.interval is None else (
             f' ({scale(max(found.interval[0], 0.0)):.4g} to {scale(found.interval[1]):.4g})')
         return f'measured {value}{ends}{", of flicker B" if found.of_flicker else ""}'
@@ -214,13 +229,18 @@ class Numbers:
                                  for axis in axes.values())
         self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
 
-    def _let_the_bias_follow_flicker(self) -> None:
-        """Give axes without K the random walk that is as large as their flicker in the end."""
+    def _let_the_bias_follow_slow_noise(self) -> None:
+        """Give axes the bias that is as large as all their slow noise after the unaided time."""
         for name, numbers in self.coefficients.items():
-            flicker = self.result.axes[name].coefficients['bias_instability'].value
-            if flicker and 'N' in numbers and 'K' not in numbers:
-                numbers['K'] = Number(FLICKER_FLOOR * flicker * sqrt(3 / self.coast_s),
-                                      of_flicker=True)
+            axis = self.result.axes[name]
+            parts = _slow_noise(axis)
+            level = sqrt(sum(float(part(self.coast_s)) for part in parts.values()))
+            if self.consumer.bias == 'random_walk' and {*parts} - {'K'}:
+                numbers['K'] = Number(level * sqrt(3 / self.coast_s), of_flicker=True)
+            elif self.consumer.bias == 'gauss_markov' and parts and axis.gauss_markov is None:
+                sigma, time_s = _SIGMA / FLICKER_FLOOR * level, self.coast_s / _PEAK
+                numbers |= _of_process(Number(sigma, of_flicker=True),
+                                       Number(time_s, of_flicker=True))
 
     def _agree_on_a_time(self) -> None:
         """Give all axes the correlation time of the gyroscope axis with the largest drift."""
@@ -283,16 +303,25 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
     # A datasheet has no curve, and the process is as large as the flicker after the unaided time.
     peak = (sqrt(above[0] * above[-1]) if above else curve.tau_s[-1] if curve.tau_s else coast_s)
-    # Farrell et al., IEEE Control Systems 42(6), 2022: sigma is 1.08 B, and the Allan deviation of
-    # a process peaks at 1.89 correlation times.
-    ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])
-    return (Number(1.08 * level, not flat.observable, ends, of_flicker=True),
-            Number(peak / 1.89, of_flicker=True))
+    ends = None if flat.ci95 is None else (_SIGMA * flat.ci95[0], _SIGMA * flat.ci95[1])
+    return (Number(_SIGMA * level, not flat.observable, ends, of_flicker=True),
+            Number(peak / _PEAK, of_flicker=True))
+
+
+def _slow_noise(axis: AxisResult) -> dict[str, Callable[[float], Array]]:
+    """Return the slow noise of a datasheet by symbol: the Allan variance at an averaging time."""
+    values = {key: axis.coefficients[key].value for key in SLOW_TERMS}
+    parts: dict[str, Callable[[float], Array]] = {
+        TERMS[key].symbol: partial(allan_variance, {key: value})
+        for key, value in values.items() if value}
+    if (process := axis.gauss_markov) is not None:
+        parts['sigma'] = partial(gauss_markov_avar, process.sigma, process.correlation_time_s)
+    return parts
 
 
 def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None) -> Result:
     """Return the coefficients of a datasheet as a result without curves or intervals."""
-    axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
+    axes = {name: _axis(name, datasheet) for name in AXES
             if 'noise_density' in datasheet.axes.get(name, {})}
     if not axes:
         raise ImuAllanError(f'{printable(path)}: a datasheet without noise_density; a filter '
@@ -303,8 +332,8 @@ def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None 
         timeline=schema.Timeline(rate_hz, 0, 0.0), axes=axes)
 
 
-def _axis(name: str, values: Mapping[str, float]) -> AxisResult:
-    quantity = AXES[name]
+def _axis(name: str, datasheet: NoiseModel) -> AxisResult:
+    quantity, values = AXES[name], datasheet.axes[name]
     return AxisResult(
         quantity=quantity.value, unit=quantity.unit, mean=None, band_limit_s=None, tones=(),
         coefficients={key: schema.Coefficient(
@@ -312,4 +341,4 @@ def _axis(name: str, values: Mapping[str, float]) -> AxisResult:
             None if key not in values else abs(values[key]), None, None)
             for key, term in TERMS.items()},
         goodness_of_fit=schema.GoodnessOfFit(None, None, True),
-        curve=schema.Curve((), (), (), (), (), ()))
+        curve=schema.Curve((), (), (), (), (), ()), gauss_markov=datasheet.gauss_markov.get(name))

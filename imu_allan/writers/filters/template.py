@@ -101,7 +101,7 @@ def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
         return [f'{before}{one}' for one in (said if before else map(quoted_in_xml, said))]
     if word[1] == 'topic':
         topic = numbers.result.source.topic
-        shown = word[2] if not topic or is_table(topic) else json.dumps(
+        shown = word[2] if not topic or ',' in topic or is_table(topic) else json.dumps(
             printable(topic), ensure_ascii=False)
         return None if shown is None else [f'{before}{shown}{after}']
     if word[1] == 'hours':
@@ -235,10 +235,10 @@ def provenance(numbers: Numbers) -> list[str]:
         lines += [f'the DATASHEET {printable(result.source.path)}: nothing of it was measured, '
                   'and sensors as mounted are often worse.']
         if any(one.of_flicker for own in numbers.coefficients.values() for one in own.values()):
-            what = ('It has no K: filter K' if numbers.consumer.bias == 'random_walk' else
-                    'It has no sigma and Tc: a process of sigma 1.08 B')
-            lines += [f'{what} is as large as the flicker, 0.664 B, after '
-                      f'{duration(numbers.coast_s)} unaided.']
+            what = ('Filter K is' if numbers.consumer.bias == 'random_walk' else
+                    'Sigma and Tc are those of a process')
+            lines += [f'{what} as large as all slow noise after {duration(numbers.coast_s)} '
+                      'unaided; flicker is 0.664 B.']
     else:
         expected = _consistency(numbers)
         lines += [', '.join([*names_of(result), *origin_of(result), amount_of(result.timeline)]),
