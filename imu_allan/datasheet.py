@@ -32,6 +32,8 @@ DEAD = 1e-3
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little."""
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
+_DOUBTS = {'several_publishers', 'clock_speed', 'implausible', 'interpolated'}
+"""Codes of findings by which N may be wrong by any factor: another sensor, unit or rate."""
 MARGIN = 0.1
 """A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
 
@@ -96,6 +98,15 @@ def stopped(result: Result) -> str | None:
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
 
+def doubt(result: Result, axis: str) -> str | None:
+    """Return a sentence if the noise of an axis may not be what it is taken for."""
+    for remark in result.warnings:
+        if (remark.code in _DOUBTS and axis in (remark.axes or [axis])
+                and axis.startswith(str(remark.values.get('half', '')))):
+            return sentence_of(remark)
+    return None
+
+
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return a coefficient, for a ramp its magnitude."""
     found, fit = axis.coefficients[key], axis.goodness_of_fit
@@ -132,8 +143,9 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return Measured(undecided='a filter has taken out the slow part of this axis; record the '
                                   'raw topic')
     if key in TERMS:
-        hidden = hidden_by_steps(found, key, abs(specification.axes[axis][key]))
-        return coefficient(found, key) if hidden is None else Measured(undecided=hidden)
+        why = doubt(result, axis) or hidden_by_steps(
+            found, key, abs(specification.axes[axis][key]))
+        return coefficient(found, key) if why is None else Measured(undecided=why)
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
     if key == 'turn_on_bias':
@@ -337,8 +349,10 @@ def check_state(result: Result, records: Sequence[FinishedRecord | None],
     settled = []
     for verdict in verdicts:
         axis = result.axes.get(verdict.axis)
-        # The output resolution hides the quantity, however long the record is.
-        hidden = axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
+        # However long the record is, the output resolution hides the quantity, or it is doubtful.
+        hidden = axis is not None and (
+            doubt(result, verdict.axis) or hidden_by_steps(axis, verdict.key, verdict.limit)
+        ) is not None
         settled.append(
             _settled(verdict, raw.get(verdict.axis), max(limited, 1), recorded)
             if verdict.key in tested and not hidden

@@ -158,8 +158,8 @@ def test_start_and_duration_choose_a_part(recording, analyzed, fails_with, capsy
 def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(recording, analyzed, fails_with):
     # The simulator receives each message when it is stamped, so there is no other clock.
     fails_with(f'{recording}, topic /imu/data_raw: the stated rate is 200 Hz, but the times '
-               'advance at 100 Hz. Leave out the rate, or count samples at the stated rate (analyze '
-               '--clock none)',
+               'advance at 100 Hz. Leave out the rate, or count samples at the stated rate '
+               '(analyze --clock none)',
                'analyze', recording, '--rate', '200')
     assert analyzed(recording, '--rate', '200', '--clock', 'none')[
         'timeline']['sample_rate_hz'] == 200
