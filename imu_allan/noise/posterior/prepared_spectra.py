@@ -128,8 +128,10 @@ def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array, lea
     # The pass band of a very slow filter may lie below all of these.
     reference = np.maximum(reference, least)
     passed = np.where(dof > 100, power, level) / white / reference[:, None]
-    # No low-pass attenuates what lies below the peak, such as noise below a rising quantization.
-    below_peak = np.arange(len(nu)) < relative.argmax(axis=1)[:, None]
+    # No low-pass attenuates what lies below a peak, such as noise below a rising quantization. A
+    # level top is no peak: what lies below it may be behind a high-pass.
+    below_peak = (np.arange(len(nu)) < relative.argmax(axis=1)[:, None]) & (
+        relative.max(axis=1) > 2 * reference)[:, None]
     return np.where(below_peak, 1.0, np.maximum(passed, 1e-9))
 
 
