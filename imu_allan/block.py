@@ -18,6 +18,8 @@ import numpy as np
 
 Half = Literal['gyro', 'accel']
 """The sensors of an IMU, each of which may have its own topic and rate."""
+HALVES: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
+"""Their columns of the samples."""
 NEIGHBOURS = 8
 """A short gap is filled with the mean of this many samples on each side."""
 
@@ -58,11 +60,21 @@ class ImuBlock:
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
                         self.absent[rows], self.frame_id)
 
+    @property
+    def provided(self) -> Bools:
+        """Whether each message has values of the gyroscope and of the accelerometer, (n, 2)."""
+        values = [np.isfinite(self.samples[:, axes]).any(axis=1) for axes in HALVES.values()]
+        return ~self.absent & np.stack(values, axis=1)
+
     def only(self, half: Half) -> ImuBlock:
-        """Return the block with the other sensor declared as not provided."""
-        absent = self.absent.copy()
-        absent[:, 1 if half == 'gyro' else 0] = True
-        return replace(self, absent=absent)
+        """Return the messages of one sensor, with the other one declared as not provided."""
+        own, other = (0, 1) if half == 'gyro' else (1, 0)
+        provided = self.provided
+        of_other = provided[:, other] & ~provided[:, own]
+        block = self.part(~of_other) if of_other.any() else self
+        absent = block.absent.copy()
+        absent[:, other] = True
+        return replace(block, absent=absent)
 
 
 def joined(blocks: Sequence[ImuBlock]) -> ImuBlock:

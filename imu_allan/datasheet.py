@@ -32,7 +32,7 @@ DEAD = 1e-3
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little."""
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
-_DOUBTS = {'several_publishers', 'clock_speed', 'implausible', 'interpolated'}
+_UNRELIABLE = {'several_publishers', 'clock_speed', 'implausible', 'interpolated'}
 """Codes of findings by which N may be wrong by any factor: another sensor, unit or rate."""
 MARGIN = 0.1
 """A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
@@ -98,10 +98,10 @@ def stopped(result: Result) -> str | None:
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
 
-def doubt(result: Result, axis: str) -> str | None:
+def unreliable(result: Result, axis: str) -> str | None:
     """Return a sentence if the noise of an axis may not be what it is taken for."""
     for remark in result.warnings:
-        if (remark.code in _DOUBTS and axis in (remark.axes or [axis])
+        if (remark.code in _UNRELIABLE and axis in (remark.axes or [axis])
                 and axis.startswith(str(remark.values.get('half', '')))):
             return sentence_of(remark)
     return None
@@ -143,7 +143,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return Measured(undecided='a filter has taken out the slow part of this axis; record the '
                                   'raw topic')
     if key in TERMS:
-        why = doubt(result, axis) or hidden_by_steps(
+        why = unreliable(result, axis) or hidden_by_steps(
             found, key, abs(specification.axes[axis][key]))
         return coefficient(found, key) if why is None else Measured(undecided=why)
     if key == 'zero_bias':
@@ -349,9 +349,9 @@ def check_state(result: Result, records: Sequence[FinishedRecord | None],
     settled = []
     for verdict in verdicts:
         axis = result.axes.get(verdict.axis)
-        # However long the record is, the output resolution hides the quantity, or it is doubtful.
+        # However long the record is, the output resolution may hide the quantity.
         hidden = axis is not None and (
-            doubt(result, verdict.axis) or hidden_by_steps(axis, verdict.key, verdict.limit)
+            unreliable(result, verdict.axis) or hidden_by_steps(axis, verdict.key, verdict.limit)
         ) is not None
         settled.append(
             _settled(verdict, raw.get(verdict.axis), max(limited, 1), recorded)

@@ -84,7 +84,7 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
      'or a vibration at half the message rate'),
     (lambda r: replace(r, warnings=(finding('several_publishers'),)), ZERO_BIAS, 'pass',
      'gyro_x zero bias: the 95 % interval is below 0.011 rad/s'),
-    # Of the other sensor nothing is doubtful.
+    # The other sensor is not concerned.
     (lambda r: replace(r, warnings=(finding('interpolated', topic='/imu', half='accel'),)),
      NOISE, 'pass', 'gyro_x N: the 95 % interval is below 1e-3 rad/s/sqrt(Hz)'),
     (lambda r: with_coefficient(r, 'gyro_x', 'noise_density', **UNSEEN, upper95=1e-3), ZERO_BIAS,

@@ -277,7 +277,9 @@ class Reception:
         blocks = self._decode(batches_of([batch.messages[row] for row in rows.tolist()],
                                          batch.receive_ns[rows]), self._count_malformed)
         half = self.facts.half
-        return blocks if half is None else [block.only(half) for block in blocks]
+        if half is None:
+            return blocks
+        return [own for block in blocks if len(own := block.only(half))]
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count
@@ -338,9 +340,5 @@ def receptions(node: Node, log: Log, values: Mapping[str, Any]) -> list[Receptio
         named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
-    both = [Reception(node, log, gyro, 'gyro', values),
+    return [Reception(node, log, gyro, 'gyro', values),
             Reception(node, log, accel, 'accel', values)]
-    if both[0].facts.topic == both[1].facts.topic:
-        raise ImuAllanError('parameters gyro_topic and accel_topic: both are '
-                            f'{both[0].facts.topic}')
-    return both

@@ -6,7 +6,7 @@ Choice of the topic, or of the two topics or halves of one, that are read as one
 RealSense and OAK cameras publish gyroscope and accelerometer, here called halves, on two topics
 and fill the other half of each message with zeros. PX4 logs them as two message types. Drivers
 that merge them into one topic either repeat the slower half until its next sample or interpolate
-it. Each case is recognized.
+it; others publish both in turn, each in messages of its own. Each case is recognized.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from imu_allan.arrays import Array, Ints
-from imu_allan.block import Half, ImuBlock
+from imu_allan.block import Half, HALVES, ImuBlock
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.recordings.messages.imus_in import may_hold_imu
 from imu_allan.recordings.recording import Recording
@@ -107,9 +107,6 @@ def _first_ten(texts: list[str]) -> str:
     return ', '.join(texts[:10]) + (f' and {len(texts) - 10} more' if len(texts) > 10 else '')
 
 
-_COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
-
-
 @dataclass(frozen=True)
 class Stream:
     """
@@ -138,7 +135,7 @@ class Stream:
             if self.half is not None:
                 block = block.only(self.half)
                 if self.only_new:
-                    half = block.samples[:, _COLUMNS[self.half]]
+                    half = block.samples[:, HALVES[self.half]]
                     both = np.concatenate([last, half])
                     last = both[-1:]
                     block = block.part((both[1:] != both[:-1]).any(axis=1))
@@ -195,7 +192,7 @@ def _half_of(recording: Recording, topic: str) -> Half | None:
         return known
     for block in _beginning(recording, topic):
         if block.samples.any():
-            gyro, accel = (block.samples[:, columns].any() for columns in _COLUMNS.values())
+            gyro, accel = (block.samples[:, columns].any() for columns in HALVES.values())
             return 'gyro' if not accel else 'accel' if not gyro else None
     return None
 
@@ -209,10 +206,13 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     blocks = [] if count is not None and count < enough else list(_beginning(recording, topic))
     if sum(map(len, blocks)) < enough:
         return [Stream(topic)]
+    provided = np.concatenate([block.provided for block in blocks])
+    if provided.any(axis=0).all() and np.mean(provided.sum(axis=1) == 1) > 0.1:
+        return _two(topic, topic)
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])
-    made = {half: _upsampled(samples[:, columns], stamps) for half, columns in _COLUMNS.items()}
-    interpolated, repeated = ([half for half in _COLUMNS if made[half] == how]
+    made = {half: _upsampled(samples[:, columns], stamps) for half, columns in HALVES.items()}
+    interpolated, repeated = ([half for half in HALVES if made[half] == how]
                               for how in ('interpolated', 'repeated'))
     if len(interpolated) == 1:
         recording.remark('interpolated', topic=printable(topic), half=interpolated[0])
@@ -220,7 +220,7 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     if len(repeated) != 1:
         return [Stream(topic)]
     recording.remark('repeated_half', topic=printable(topic), half=repeated[0])
-    return [Stream(topic, half, only_new=half in repeated) for half in _COLUMNS]
+    return [Stream(topic, half, only_new=half in repeated) for half in HALVES]
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:

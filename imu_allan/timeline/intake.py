@@ -43,7 +43,7 @@ def usable(memory: Memory, window: Window) -> Messages:
     repeats = memory.content.look(values, c, all_usable)
     if decision.clock is None:
         _decide(memory, window, repeats)
-        # A driver may send its two sensors in turn.
+        # A driver may send one of its sensors in every second message.
         declared = np.where(np.repeat(window.absent, 3, axis=1), np.nan, window.samples)
         if alternates(declared[~(repeats.held | repeats.frozen)]):
             decision.remarks['several_publishers'] = {}
@@ -74,6 +74,10 @@ def usable(memory: Memory, window: Window) -> Messages:
 
 def _decide(memory: Memory, window: Window, repeats: Repeats) -> None:
     """Choose clock, axes and pace from the first messages."""
+    provided = window.provided
+    if provided.any(axis=0).all() and not provided.all(axis=1).any():
+        raise ImuAllanError('each message has one sensor only, gyroscope or accelerometer: name '
+                            'the topic twice, as gyro_topic and as accel_topic')
     samples = window.samples
     finite = np.mean(np.isfinite(samples), axis=0)
     declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)

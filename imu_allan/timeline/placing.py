@@ -23,8 +23,9 @@ import numpy as np
 _NEVER_NS = 5 * 365 * 86400 * SECOND
 """No recording lasts five years: a longer step is a stamp fault, whatever the other clock
 shows."""
-_SPARSE = 16
-"""One in this many samples enters the mean acceleration, which needs no more."""
+_SPARSE = 17
+"""One in this many samples enters the mean acceleration, which needs no more. An odd number, for
+drivers that fill every second message with zeros."""
 _FOLLOWED = 0.01
 """A larger change of the interval within a window is another rate, not drift."""
 

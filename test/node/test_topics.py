@@ -10,6 +10,7 @@ from bags import mcap_written, serialized
 from characterized import celsius_at
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped
 from imu_allan.analysis import analyze
+from imu_allan.block import joined
 from imu_allan.cdr import batches_of
 from imu_allan.node.reception import decoder, message_class, types_of
 from imu_allan.recordings import RecordingOptions
@@ -75,6 +76,26 @@ def test_two_topics_are_the_two_halves_of_one_imu_in_every_respect(ros, health):
     assert remark['message'] == (
         f'the gyroscope from {topics[0]} at 200 Hz and the accelerometer from {topics[1]} at 125 '
         'Hz; rate, gaps and faults are those of the gyroscope')
+
+
+def test_sensors_that_send_in_turn_on_one_topic_are_an_imu_on_twice_that_topic(ros):
+    driver = Driver(ros, 'imu/mixed')
+    ros.start('imu_allan_node', {
+        'publish_period': 0.5, 'gyro_topic': driver.topic, 'accel_topic': driver.topic,
+        **lossless(driver.topic)}, best_effort=True)
+    driver.wait_for_node()
+    halves = [replace(half(name, 20.0), frame_id='imu') for name in HALF_RATES_HZ]
+    for part, other in zip(halves, (1, 0), strict=True):
+        part.absent[:, other] = True
+    both = joined(halves)
+    driver.replay(both.part(np.argsort(both.header_ns, kind='stable')))
+    document = dict(ros.saved_with(4000))
+    assert document['source']['topic'] == driver.topic
+    for name, rate_hz in HALF_RATES_HZ.items():
+        axis = document['axes'][f'{name}_y']
+        assert axis['sample_rate_hz'] == pytest.approx(rate_hz, rel=1e-6)
+        assert axis['coefficients']['noise_density']['observable']
+    assert document['timeline']['missing'] == 0
 
 
 def test_useless_messages_cost_the_other_half_nothing_and_are_no_fault_of_the_disk(ros, health):

@@ -5,8 +5,9 @@
 from dataclasses import replace
 
 from bags import mcap_written, serialized
-from characterized import messages, said
+from characterized import messages, said, streamed
 from imu_allan import analyze, TimelineOptions
+from imu_allan.block import joined
 from imu_allan.datasheet import check, zero_bias
 from imu_allan.recordings import RecordingOptions
 from imu_allan.sensor.noise_model import parse_model
@@ -100,6 +101,30 @@ def test_what_cannot_be_known_is_asked_for(tmp_path):
     with refused('--topic names one topic, --gyro-topic and --accel-topic two; give the one or '
                  'the two'):
         read(path, '/c', gyro_topic='/b', accel_topic='/c')
+
+
+@pytest.mark.parametrize('rates_hz', [(200.0, 62.5), (200.0, 200.0), (100.0, 400.0)])
+@pytest.mark.parametrize('absent', ['covariance of -1', 'NaN'])
+def test_sensors_that_send_in_turn_on_one_topic_are_analyzed_apart(tmp_path, rates_hz, absent):
+    halves = [block(rate_hz, round(40 * rate_hz), gyro, not gyro)
+              for rate_hz, gyro in zip(rates_hz, (True, False), strict=True)]
+    for part, other in zip(halves, (1, 0), strict=True):
+        part.header_ns[:] += 1_300_000 * other
+        if absent == 'NaN':
+            part.samples[:, 3 * other:3 * other + 3] = np.nan
+        else:
+            part.absent[:, other] = True
+    both = joined(halves)
+    both = replace(both, receive_ns=both.header_ns).part(np.argsort(both.header_ns))
+    result = analyze(write(tmp_path / 'a.mcap', {'/imu': both}))
+    assert_characterized(result, *rates_hz)
+    assert {found.code for found in result.warnings} <= {
+        'two_rates', 'short_recording', 'trend_or_walk'}
+    assert result.timeline.samples == round(40 * rates_hz[0])
+    # A node does not choose, and says what to do.
+    with refused('bag, topic /imu: each message has one sensor only, gyroscope or accelerometer: '
+                 'name the topic twice, as gyro_topic and as accel_topic'):
+        streamed([both])
 
 
 def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path):
