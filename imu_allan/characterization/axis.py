@@ -268,7 +268,7 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
     for axis, reference in enumerate(finished.reference.tolist()):
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
         # 1e-5 of the range is far below what a plot shows, and short in JSON.
-        digits = max(0, 5 - floor(log10(spread))) if spread > 0 else 17
+        digits = min(max(0, 5 - floor(log10(spread))), 64) if spread > 0 else 17
         rows = np.stack((columns.low[axis], columns.mean[axis], columns.high[axis])) + reference
         shown = rows.round(digits).astype(object)
         shown[np.isnan(rows)] = None

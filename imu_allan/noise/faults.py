@@ -25,6 +25,10 @@ from imu_allan.result import Deadband
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+_SMALLEST = 1e-60
+"""A smaller range, in SI units, is no noise, and its square nearly underflows. Integers that are
+read as doubles are that small."""
+
 
 class Constant(NamedTuple):
     """All samples have the same value, in the unit of a sample."""
@@ -59,7 +63,8 @@ def axis_fault(finished: Estimator, sections: Sequence[SpectrumSection], axis: i
     `StoodStill` and `Clipped`. An axis stood still, too, if it holds one value wherever a spectrum
     is possible, and others between gaps.
     """
-    if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
+    census = finished.census
+    if finished.samples and census.highest[axis] - census.lowest[axis] < _SMALLEST:
         return Constant(float(finished.mean[axis]))
     if (dead := deadband(finished, axis)) is not None:
         return dead

@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Axes that give small values as zero or are cut off, and noise that is not."""
 
+import math
+
 from characterized import shown
+from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.faults import clipping, deadband
+from imu_allan.noise.terms import Quantity
 import numpy as np
 import pytest
 
@@ -121,3 +125,13 @@ def test_noise_clipped_at_two_and_a_half_sigma_is_reported():
 def test_an_axis_at_fault_has_no_fit():
     three = np.stack((WHITE, without_small(WHITE, 1.0), np.minimum(WHITE, 1.0)), axis=1)
     assert [fit is None for fit in fit_axes(shown(three), 0.01)] == [False, True, True]
+
+
+@pytest.mark.parametrize('sigma', [1e-62, 1e-100, 1e-160, 1e-300, 5e-324])
+def test_integers_read_as_doubles_are_a_constant_axis_and_cost_the_others_nothing(sigma):
+    rows = np.stack([sigma * WHITE, 0.01 * WHITE[::-1]], axis=1)[:3000]
+    dead, alive = axis_results(shown(rows), 100.0, [Quantity.ANGULAR_VELOCITY] * 2)
+    assert [found.code for found in dead[1]] == ['constant_axis']
+    low, high = alive[0].coefficients['noise_density'].ci95
+    assert low < 0.001 < high
+    assert all(math.isfinite(value) for value in dead[0].signal.mean)
