@@ -151,7 +151,10 @@ class Seen(Record):
         back = block.header_ns <= self.last_ns - _SHORTEST_NS
         if not back.any():
             return None
-        rows = np.flatnonzero(back & np.isin(block.header_ns, self.stamps)).tolist()
+        # What a driver repeats before its sensor measures, such as zeros, tells nothing.
+        compared = back & np.isin(block.header_ns, self.stamps)
+        compared[:-1] &= (block.samples[1:] != block.samples[:-1]).any(axis=1)
+        rows = np.flatnonzero(compared).tolist()
         # Absent axes are NaN, which have to compare as equal.
         same = [row for row in rows if any(
             np.array_equal(sample, block.samples[row], equal_nan=True)

@@ -59,7 +59,7 @@ def usable(memory: Memory, window: Window) -> Messages:
     twice = (_twice(memory, window, stamps) | repeats.held) & ~(void | repeats.frozen)
     if memory.content.frozen_s is None and repeats.frozen[:c].any():
         begins = int(stamps[np.argmax(repeats.frozen)])
-        first = (counts.header if decision.clock == 'header' else counts.receive).first_ns
+        first = counts.of(decision.clock).first_ns
         memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
     counts.messages += c
     # Unusable values are not counted as spikes.
@@ -106,9 +106,8 @@ def _twice(memory: Memory, window: Window, stamps: Stamps) -> Bools:
     if tied.any():
         same[1:] = (tied & (window.header_ns[1:] == window.header_ns[:-1])
                     & repeated(window.samples))
-    header, receive = memory.counts.header, memory.counts.receive
-    last_ns = (header if memory.decision.clock == 'header' else receive).last_ns
-    if len(memory.tail) and (stamps[0], window.header_ns[0]) == (last_ns, header.last_ns):
+    last_ns, counts = memory.counts.of(memory.decision.clock).last_ns, memory.counts
+    if len(memory.tail) and (stamps[0], window.header_ns[0]) == (last_ns, counts.header.last_ns):
         # The message before is the last of another window.
         newest = memory.tail[-1]
         there = ~np.isnan(newest)

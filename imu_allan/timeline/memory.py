@@ -190,6 +190,10 @@ class Counts(Record):
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gravity_samples: int = 0
 
+    def of(self, clock: Clock | None) -> StampCounts:
+        """Return the counts of a clock."""
+        return self.receive if clock == 'receive' else self.header
+
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
         """Record a gap that is not interpolated."""
         self.gaps += 1

@@ -258,6 +258,8 @@ def _begin_run(memory: Memory, stamp: int, other: int, interval: float) -> None:
         passed = other - cursor.other_ns
         if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
             passed = round(interval)
+        # As if the clock had gone on: from its first stamp on it shows what has passed.
+        memory.counts.of(memory.decision.clock).first_ns += stamp - cursor.last_ns - passed
     if passed > (memory.options.gap_tolerance + 1.5) * interval:
         memory.counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
     cursor.elapsed_ns += passed

@@ -204,7 +204,7 @@ def _content_findings(counts: Counts, content: Content) -> Iterator[Finding]:
 
 
 def _clock_findings(memory: Memory) -> Iterator[Finding]:
-    """Compare the speeds of both clocks, without any jumps, unless the user has chosen one."""
+    """Compare the speeds of both clocks, unless the user has chosen one."""
     counts, decision = memory.counts, memory.decision
     # With fewer messages, the lag of the receive stamps hides any difference.
     if ((memory.options.clock, decision.clock) != ('auto', 'header') or decision.one_clock
@@ -214,11 +214,6 @@ def _clock_findings(memory: Memory) -> Iterator[Finding]:
         return
     header = (counts.header.last_ns - counts.header.first_ns) / SECOND
     receive = (counts.receive.last_ns - counts.receive.first_ns) / SECOND
-    if counts.clock_jumps:
-        # Use the duration of the samples at the rate of the header. If it is shorter than the
-        # receive time, samples may be missing.
-        header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
-        header = max(header, receive)
     # A crystal is off by millionths; a replay or a simulation by more than 5 %. The first receive
     # stamps lag by what waited in a queue, usually of no more than 2.5 s. Chosen by judgment.
     if receive > 0 and header > 0 and abs(log(header / receive)) >= max(0.05, 2.5 / receive):
