@@ -40,7 +40,6 @@ class _Topic:
     offers: Callable[[], set[str]]  # returns the GIDs of the publishers that are there
     publisher: int | None = None  # whose messages are in use
     heard_ns: int = 0  # receive time of its last message
-    elsewhere: bool = False  # its messages are from another IMU than that of the run
     held: list[ImuBlock] = field(default_factory=list)  # messages whose IMU is not known yet
     holding: int | None = None  # publisher of the held messages
     strangers: set[int] = field(default_factory=set)  # other publishers, heard beside this one
@@ -49,6 +48,12 @@ class _Topic:
         """Discard messages of an unknown or another publisher, and count them."""
         self.facts.mixed_samples += messages(blocks)
 
+    def release(self) -> tuple[list[ImuBlock], int | None]:
+        """Hold messages back no longer; return them and their publisher."""
+        held, publisher = self.held, self.holding
+        self.held, self.holding, self.facts.on_probation = [], None, False
+        return held, publisher
+
 
 class Runs:
     """The current run, and one of another IMU that may replace it."""
@@ -56,7 +61,7 @@ class Runs:
     def __init__(self, setup: Setup, run: Run,
                  topics: Sequence[tuple[Facts, Callable[[], set[str]]]],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
-                 log: Log) -> None:
+                 log: Log, others: Sequence[Run] = ()) -> None:
         self.run = run
         self._setup = setup
         self._look_s = look_s
@@ -65,8 +70,13 @@ class Runs:
         self._topics = [_Topic(number, *each) for number, each in enumerate(topics)]
         # Runs of other IMUs: the one that messages from elsewhere go to, if any do or did, and
         # those that were replaced and may come back.
-        self._others: list[Run] = []
+        self._others = list(others)
         self._why = UnusableState('', '')
+
+    @property
+    def saved(self) -> list[Run]:
+        """Return what a crash must not lose: the run, and one that may replace it."""
+        return [self.run, *filter(None, [self.unproven])]
 
     @property
     def unproven(self) -> Run | None:
@@ -75,13 +85,20 @@ class Runs:
 
     @property
     def _any_elsewhere(self) -> bool:
-        return any(topic.elsewhere for topic in self._topics)
+        return any(topic.facts.elsewhere for topic in self._topics)
 
     def begin_anew(self) -> None:
-        """Begin a new run and drop held messages; the publishers stay known."""
-        self._others = []
+        """
+        Begin a new run and drop held messages; the publishers stay known.
+
+        If messages are of another IMU already, its run replaces the current one, which is saved.
+        """
         for topic in self._topics:
-            topic.holding, topic.held, topic.facts.on_probation = None, [], False
+            topic.release()
+        if self._any_elsewhere:
+            self._replace()
+            return
+        self._others = []
         self._take_up(new_run(self._setup))
 
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
@@ -109,15 +126,18 @@ class Runs:
                 self._feed(topic, blocks)
             return
         lane = self._lane(topic)
-        if topic.publisher is None and not lane.known.frame_id:
+        if topic.publisher is None and lane.known.frame_id is None:
             topic.publisher = publisher
         # Until the publisher in use has been silent for this long, any other one is a stranger.
         alone_ns = 2_000_000_000
         if topic.heard_ns - last_ns > alone_ns:
             # The clock of the computer was set back.
-            topic.heard_ns = int(blocks[0].receive_ns[0])
+            topic.heard_ns = int(blocks[0].receive_ns[0]) - 1
         if publisher == topic.publisher:
             topic.heard_ns = last_ns
+            if topic.holding not in (None, publisher):
+                # It goes on, so the other one is a stranger.
+                self._decide(topic)
             if topic.holding != publisher and not (
                     lane.leaves_out_all or lane.known.may_be_another(blocks)):
                 self._feed(topic, blocks)
@@ -135,7 +155,9 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         topic.facts.on_probation = True
-        if self._lane(topic).known.suffices(topic.held, self._look_s()):
+        # The own driver may send bundles, of which the next one shows that it goes on.
+        look_s = self._look_s() if topic.publisher in (None, publisher) else LOOK_S
+        if self._lane(topic).known.suffices(topic.held, look_s):
             self._decide(topic)
 
     def finish(self) -> None:
@@ -146,21 +168,18 @@ class Runs:
 
     def _lane(self, topic: _Topic) -> Lane:
         """Return the lane that the messages of a topic go to."""
-        return (self._others[0] if topic.elsewhere else self.run).lanes[topic.number]
+        return (self._others[0] if topic.facts.elsewhere else self.run).lanes[topic.number]
 
     def _decide(self, topic: _Topic) -> None:
         """Give the held messages to the run of their IMU."""
-        held, publisher = topic.held, topic.holding
-        topic.held, topic.holding = [], None
-        topic.facts.on_probation = False
+        held, publisher = topic.release()
         if messages(held) < FEWEST_MESSAGES:
             # Too few to identify the IMU.
             topic.pass_over(held)
             return
         is_new = publisher != topic.publisher
-        middle_ns = (int(held[0].receive_ns[0]) + int(held[-1].receive_ns[-1])) // 2
         if is_new and publisher is not None:
-            if topic.publisher is not None and topic.heard_ns > middle_ns:
+            if topic.publisher is not None and topic.heard_ns >= int(held[0].receive_ns[0]):
                 topic.strangers.add(publisher)
                 topic.pass_over(held)
                 return
@@ -172,8 +191,8 @@ class Runs:
         if why is not None:
             self._give_to_another_run(topic, why, held, is_new)
             return
-        if topic.elsewhere:
-            topic.elsewhere = False
+        if topic.facts.elsewhere:
+            topic.facts.elsewhere = False
             self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '
                            'it goes on')
             lane.power_on()
@@ -205,7 +224,8 @@ class Runs:
             other.lanes[number].known = known
         elif is_new or not is_latest:
             other.lanes[number].power_on()
-        was_there, topic.elsewhere, self._why = topic.elsewhere and is_latest, True, why
+        was_there = topic.facts.elsewhere and is_latest
+        topic.facts.elsewhere, self._why = True, why
         # Each takes some megabytes.
         self._others = [other, *[run for run in self._others if run.over and run is not other][:3]]
         if not was_there:
@@ -223,7 +243,7 @@ class Runs:
         topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {topic.facts.topic}')
-        if topic.elsewhere:
+        if topic.facts.elsewhere:
             if self._others[0].span_s >= self._proof_s():
                 self._replace()
         elif self._any_elsewhere:
@@ -249,4 +269,4 @@ class Runs:
         self.run.over = True
         self.run, run.over = run, False
         for topic in self._topics:
-            topic.elsewhere = topic.facts.looping = False
+            topic.facts.elsewhere = topic.facts.looping = False

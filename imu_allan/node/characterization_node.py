@@ -95,12 +95,12 @@ class CharacterizationNode(AnyExecutorNode):
                                         values['temperature_topic'])
         warn_of_unknown(self, qos=True)
         self._storage = Storage(name, setup, self._worker, self._facts, self._log, values)
-        run = self._storage.resumed_or_new_run()
+        run, *others = self._storage.resumed_or_new_run()
         # Messages held back are lost in a crash: hold at most half of the time that may be lost.
         self._runs = Runs(setup, run, [
             (reception.facts, reception.subscription.publisher_gids)
             for reception in self._receptions],
-            lambda: min(LOOK_S, values['checkpoint_period'] / 2), self._leave, self._log)
+            lambda: min(LOOK_S, values['checkpoint_period'] / 2), self._leave, self._log, others)
 
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/reset', self._reset)
@@ -125,7 +125,15 @@ class CharacterizationNode(AnyExecutorNode):
         try:
             wait_s = TICK_S
             while not stop.requested:
-                executor.spin_once(wait_s)
+                try:
+                    executor.spin_once(wait_s)
+                except ExternalShutdownException:
+                    raise
+                except Exception as error:
+                    # Such as a request that rclpy cannot read: it must not end a run of days.
+                    self._log.error(f'a request failed ({type(error).__name__}: {error}); the '
+                                    'node goes on', 'failed request')
+                    time.sleep(0.05)
                 if time.monotonic() - self._last_tick >= wait_s:
                     wait_s = self._tick()
         except ExternalShutdownException:
@@ -137,7 +145,7 @@ class CharacterizationNode(AnyExecutorNode):
             self._log.bug(error, 'the node ends and saves what it has learnt')
         finally:
             executor.shutdown()
-        return 0 if self.finish() and well else 1
+        return 0 if self.finish(well) and well else 1
 
     def destroy_node(self) -> None:
         """Save what has not been saved yet, then destroy the node."""
@@ -169,8 +177,8 @@ class CharacterizationNode(AnyExecutorNode):
             if self._fitting.due(now):
                 self._fitting.publish_or_fit(now, self._run, max(
                     reception.last_message for reception in self._receptions))
-            if self._storage.checkpoint_due(now, self._run):
-                self._storage.checkpoint(self._run)
+            if self._storage.checkpoint_due(now, self._runs.saved):
+                self._storage.checkpoint(self._runs.saved)
             if now - self._last_report >= REPORT_S:
                 self._thermometer.look_beside()
                 self._report(now)
@@ -273,7 +281,7 @@ class CharacterizationNode(AnyExecutorNode):
             self._forget_run()
             self._facts.resumed = ''
             self._fitting.fit(self._run)
-            future = self._storage.checkpoint(self._run)
+            future = self._storage.checkpoint(self._runs.saved)
         response.success, response.message = True, 'a new run has begun'
         if future is not None and (failure := self._failure(future)):
             response.success = False
@@ -306,8 +314,12 @@ class CharacterizationNode(AnyExecutorNode):
 
     # -- the end --------------------------------------------------------------------------------
 
-    def finish(self) -> bool:
-        """Take in what is still queued, write state and result; return whether all succeeded."""
+    def finish(self, is_over: bool = True) -> bool:
+        """
+        Take in what is still queued, write state and result; return whether all succeeded.
+
+        Without `is_over`, the next start resumes the run, as after a crash.
+        """
         with self._lock:
             if self._ended:
                 return True
@@ -318,7 +330,7 @@ class CharacterizationNode(AnyExecutorNode):
             done = [self._attempt(step) for step in (
                 lambda: self._catch_up(time.monotonic()),
                 self._runs.finish,
-                lambda: self._storage.save_state_at_end(self._run),
+                lambda: self._storage.save_state_at_end(self._runs.saved),
                 # Plots come last: there may be no time for them.
                 lambda: (self._runs.unproven is None
                          or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
@@ -328,7 +340,7 @@ class CharacterizationNode(AnyExecutorNode):
                 for line in closing_lines(result, self._values['aiding_interval'],
                                           self._values['coast']):
                     self._log.info(line)
-            self._storage.close(is_over=all(done))
+            self._storage.close(is_over and all(done))
             return (all(done) and not self._storage.incomplete
                     and not self._worker.errors.get('save'))
 

@@ -82,6 +82,7 @@ class Facts:
     recent: Recent = field(default_factory=Recent)
     mixed: bool = False  # messages of two publishers are being passed over
     mixed_samples: int = 0  # passed over because publishers were mixed
+    elsewhere: bool = False  # messages go to the run of another IMU, which may replace this one
     looping: bool = False  # earlier messages are repeated, as by a recording played in a loop
     publishers: int = 0
     publisher_names: Sequence[str] = ()  # if there are several
@@ -167,9 +168,10 @@ def reception_conditions(facts: Facts) -> list[Condition]:
     lately = f'in the last {RECENT_S:.0f} s'
     return [
         Condition('mixed', facts.mixed, ERROR,
-                  f'the messages on {topic} are of more than one publisher: they are passed over',
-                  f'the messages on {topic} are of one publisher again; call ~/reset if it is '
-                  'another IMU'),
+                  f'messages on {topic} are passed over: they are of another publisher than the '
+                  'run, or too few to tell',
+                  f'no message on {topic} is passed over any more; call ~/reset if it is another '
+                  'IMU'),
         Condition('unpublished', not facts.publishers, ERROR,
                   '; '.join(facts.refused) or f'nothing publishes {topic}'),
         Condition('silent', facts.silent_s > SILENT_S, ERROR,
@@ -227,8 +229,9 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         'several_frames', 'several_publishers', 'rate_changed'} else facts.recent['unusable']
     return [
         Condition('useless', bool(facts.update_error), ERROR, facts.update_error),
-        Condition('probation', facts.on_probation, OK,
-                  'looking whether the messages are of the IMU of the run'),
+        Condition('elsewhere', facts.elsewhere, WARN,
+                  'the messages are of another IMU: if they go on, or by ~/reset, a new run begins'
+                  ),
         Condition('moving', summary.motion.moving, WARN,
                   'the IMU moves: what it measures meanwhile is left out',
                   'the IMU is at rest again'),
@@ -248,7 +251,9 @@ def timeline_conditions(facts: Facts, summary: TimelineSummary) -> list[Conditio
         Condition('rejected', rejected > 0, WARN,
                   f'{counted(rejected, "message")} rejected: NaN, infinite or declared '
                   'absent',
-                  f'no message is rejected any more; {_were(unusable(summary))} in all')]
+                  f'no message is rejected any more; {_were(unusable(summary))} in all'),
+        Condition('probation', facts.on_probation, OK,
+                  'looking whether the messages are of the IMU of the run')]
 
 
 def _rate(summary: TimelineSummary) -> float | None:

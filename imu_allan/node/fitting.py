@@ -80,12 +80,15 @@ class Fitting:
         run.fitted, span_s, snapshot = run.fed, run.span_s, run.snapshot()
         stamp = _time(run.stamp_ns or time.time_ns())
         aiding_s, coast_s = self._values['aiding_interval'], self._values['coast']
+        # An accelerometer on a topic of its own has a frame of its own.
+        accel_frame_id = next((lane.known.frame_id for lane in run.lanes[1:]), None)
 
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
             found, records = fitted(snapshot)
             result = run.shown_terms.judged(found, more_comes=not to_the_end)
-            messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s)
+            messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s,
+                                       accel_frame_id)
             comparisons = self._standards.judge(found, records, run.datasheet_looks)
             return _Fit(result, messages, comparisons, time.monotonic() - started,
                         time.thread_time() - busy)

@@ -31,18 +31,20 @@ VECTORS = ('filter_random_walk', *(f'{term}{part}' for term in LASTING_TERMS
 """Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
 
 
-def result_messages(result: Result, node_name: str, stamp: Time,
-                    aiding_s: float = 0.1, coast_s: float = 60.0) -> dict[str, Any]:
+def result_messages(result: Result, node_name: str, stamp: Time, aiding_s: float = 0.1,
+                    coast_s: float = 60.0, accel_frame_id: str | None = None) -> dict[str, Any]:
     """
     Return all messages of a result by topic below ``~/``; unknown values are NaN.
 
     `aiding_s` and `coast_s` are the aiding interval of a filter and its longest unaided time.
+    `accel_frame_id`: of an accelerometer on a topic of its own.
     """
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
     messages = {'result': String(data=document),
                 'coefficients': coefficients_message(result, node_name, stamp)}
-    header = Header(stamp=stamp, frame_id=result.source.frame_id or '')
     for sensor in SENSORS:
+        own = accel_frame_id if sensor == 'accel' else None
+        header = Header(stamp=stamp, frame_id=own or result.source.frame_id or '')
         axes = {letter: result.axes.get(f'{sensor}_{letter}') for letter in 'xyz'}
         numbers = {letter: {} if axis is None else _numbers(axis, aiding_s, coast_s)
                    for letter, axis in axes.items()}
@@ -174,7 +176,7 @@ class OutputTopics:
                     for topic, kind in of_sensor.items()}}
         self._of_result = {topic: publisher(kind, f'~/{topic}') for topic, kind in kinds.items()}
         self._published: Mapping[str, Any] = {}
-        self._volatile = dict.fromkeys(self._of_result, 0)
+        self._volatile: dict[str, set[bytes]] = {topic: set() for topic in self._of_result}
         self.plot = publisher(CompressedImage, '~/plot/compressed')
         self.diagnostics = publisher(DiagnosticArray, '/diagnostics', 10)
         self._node = node
@@ -191,9 +193,10 @@ class OutputTopics:
     def serve_newcomers(self) -> None:
         """Publish again for new volatile subscriptions, which have missed the last result."""
         for topic, publisher in self._of_result.items():
-            volatile = sum(
-                info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
-                for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name))
-            if volatile > self._volatile[topic] and topic in self._published:
+            volatile = {
+                bytes(info.endpoint_gid)
+                for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+                if info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL}
+            if volatile - self._volatile[topic] and topic in self._published:
                 publisher.publish(self._published[topic])
             self._volatile[topic] = volatile

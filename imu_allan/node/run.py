@@ -357,28 +357,35 @@ class _Kept(Record):
 
 
 @dataclass
-class Saved(Record):
+class _KeptRun(Record):
     """What is saved of a run."""
 
-    setup: Setup
-    boot: str
     looks: ShownTerms
     lanes: list[_Kept]
     mark: str
 
 
-def pack(run: Run, setup: Setup) -> State:
-    """Return the state of a run as arrays to save."""
-    for lane in run.lanes:
+@dataclass
+class Saved(Record):
+    """What is saved: the run, and that of another IMU which may replace it."""
+
+    setup: Setup
+    boot: str
+    runs: list[_KeptRun]
+
+
+def pack(runs: Sequence[Run], setup: Setup) -> State:
+    """Return the state of runs as arrays to save."""
+    for lane in (lane for run in runs for lane in run.lanes):
         lane.characterization.timeline.pending.join()
     # Messages whose unit is undecided are not saved, so they must not count as seen.
-    return state_of(Saved(setup, boot_id(), run.shown_terms, [
+    return state_of(Saved(setup, boot_id(), [_KeptRun(run.shown_terms, [
         _Kept(lane.characterization, lane.known, Seen() if lane.unit.waiting else lane.seen,
-              lane.unit.decision) for lane in run.lanes], run.mark))
+              lane.unit.decision) for lane in run.lanes], run.mark) for run in runs]))
 
 
-def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
-    """Return the saved run, ready to go on; its next sample is unrelated to the last one."""
+def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> list[Run]:
+    """Return the saved runs, ready to go on; their next sample is unrelated to the last one."""
     try:
         saved = restored(Saved, state)
     except (ImuAllanError, KeyError) as error:
@@ -386,11 +393,14 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> Run:
     if saved.setup != setup:
         raise UnusableState('settings', 'it was made with other parameters or of another topic, '
                             f'{", ".join(saved.setup.topics)}')
-    run = new_run(setup, shown_terms=saved.looks, mark=saved.mark)
     same_boot = bool(saved.boot) and saved.boot == boot_id()
-    for lane, kept in zip(run.lanes, saved.lanes, strict=True):
-        _resume(lane, kept, same_boot)
-    return run
+    runs = []
+    for kept_run in saved.runs:
+        run = new_run(setup, shown_terms=kept_run.looks, mark=kept_run.mark)
+        for lane, kept in zip(run.lanes, kept_run.lanes, strict=True):
+            _resume(lane, kept, same_boot)
+        runs.append(run)
+    return runs
 
 
 def _resume(lane: Lane, kept: _Kept, same_boot: bool) -> None:

@@ -8,7 +8,7 @@ npz format without pickles. It is replaced atomically, so a reader finds the old
 What has the right checksum was written by this package, so its arrays are not checked again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 import contextlib
 from contextlib import suppress
@@ -37,7 +37,7 @@ from imu_allan.writers.atomic import resolved, write_atomically
 from imu_allan.writers.result_files import IncompleteSave, save_folder
 import numpy as np
 
-VERSION = 12
+VERSION = 13
 """Version of the layout, raised when other versions of the program would misread the file."""
 _NAME = b'imu_allan.state/'
 
@@ -72,6 +72,11 @@ def decode_state(data: bytes) -> State:
             return {name: arrays[name] for name in arrays.files}
     except ValueError as error:
         raise UnusableState('damaged', f'its arrays cannot be read ({error})') from error
+
+
+def _grown(runs: Sequence[Run]) -> bool:
+    """Return whether runs have messages that the last checkpoint lacks."""
+    return any(run.fed != run.checkpointed for run in runs)
 
 
 class StateFile:
@@ -195,36 +200,38 @@ class Storage:
             self._log.warning(f'nothing is kept over a crash: {error}', 'no state', 0.0)
             return None
 
-    def resumed_or_new_run(self) -> Run:
-        """Return the run from the state file, or a new one."""
+    def resumed_or_new_run(self) -> list[Run]:
+        """Return the run from the state file, or a new one; and that of another IMU, if any."""
         if self._state_file is None:
-            return new_run(self._setup)
+            return [new_run(self._setup)]
         try:
             state = self._state_file.load()
-            run = new_run(self._setup) if state is None else unpack(state, self._setup)
+            run, *others = ([new_run(self._setup)] if state is None
+                            else unpack(state, self._setup))
         except UnusableState as error:
             aside = self._state_file.keep_aside(error.reason)
             self._note_aside(f'{self._state_file.path} could not be resumed from, {error}; it',
                              aside)
-            return new_run(self._setup)
+            return [new_run(self._setup)]
         longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
         if not longest_s:
             # Nothing to go on with, as at first or after a reset.
-            return run
-        run.resumed = True
+            return [run, *others]
+        for each in (run, *others):
+            each.resumed = True
         self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
         if self._unasked:
             self._facts.resumed += (', of a run that has ended without saving; call ~/reset to '
                                     'begin anew')
         self._log.info(self._facts.resumed)
-        return run
+        return [run, *others]
 
     def keep_aside(self, run: Run, why: UnusableState) -> None:
         """Rename the state of the run so that the next one cannot overwrite it."""
         state_file = self._state_file
         if state_file is None:
             return
-        state = pack(run, self._setup) if run.fed != run.checkpointed else None
+        state = pack([run], self._setup) if run.fed != run.checkpointed else None
 
         def keep() -> Path:
             try:
@@ -244,25 +251,27 @@ class Storage:
         self._facts.resumed = f'a new run: {what} is kept as {aside.name}'
         self._log.warning(self._facts.resumed, 'aside', 0.0)
 
-    def checkpoint_due(self, now: float, run: Run) -> bool:
+    def checkpoint_due(self, now: float, runs: Sequence[Run]) -> bool:
         """Return whether the state is to be written now."""
         period = self._values['checkpoint_period']
         # Before the period ends, so that samples are on the disk within it.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
-        return (self._state_file is not None and due and run.fed != run.checkpointed
+        return (self._state_file is not None and due and _grown(runs)
                 and not self._worker.under_way('checkpoint'))
 
-    def checkpoint(self, run: Run) -> 'Future[None] | None':
-        """Start writing the state of a run, if there is a state file."""
+    def checkpoint(self, runs: Sequence[Run]) -> 'Future[None] | None':
+        """Start writing the state of runs, if there is a state file."""
         state_file = self._state_file
         if state_file is None:
             return None
         began = self._last_checkpoint = time.monotonic()
-        fed = run.fed
-        state = pack(run, self._setup)
+        fed = [run.fed for run in runs]
+        state = pack(runs, self._setup)
 
         def note(_: None) -> None:
-            run.checkpointed, self._facts.checkpointed_at = fed, began
+            for run, count in zip(runs, fed, strict=True):
+                run.checkpointed = count
+            self._facts.checkpointed_at = began
             self._worker.errors['aside'] = ''
 
         return self._worker.start('checkpoint', lambda: state_file.save(state), note)
@@ -307,9 +316,9 @@ class Storage:
 
     # -- the end --------------------------------------------------------------------------------
 
-    def save_state_at_end(self, run: Run) -> bool:
+    def save_state_at_end(self, runs: Sequence[Run]) -> bool:
         """Write the state if it is newer than the last checkpoint; return whether that worked."""
-        future = None if run.fed == run.checkpointed else self.checkpoint(run)
+        future = self.checkpoint(runs) if _grown(runs) else None
         return future is None or future.exception() is None
 
     def save_files_at_end(self, run: Run, picture: bool = True) -> bool:

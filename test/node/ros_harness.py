@@ -473,7 +473,7 @@ def kept_in(state_file: Path) -> TimelineSummary:
     """Tell what a state file holds of its messages; nothing if it is not there yet."""
     if not state_file.exists():
         return Characterization(kind='topic').summary()
-    [lane] = restored(Saved, decode_state(state_file.read_bytes())).lanes
+    [lane] = restored(Saved, decode_state(state_file.read_bytes())).runs[0].lanes
     return lane.characterization.summary()
 
 

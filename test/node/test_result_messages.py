@@ -78,6 +78,13 @@ def test_the_level_of_an_axis_says_whether_a_filter_can_use_it(result, key, chan
         assert (status.level, status.message) == (said, words + more)
 
 
+def test_an_accelerometer_on_a_topic_of_its_own_has_its_own_frame(result):
+    for given, expected in (('accel_frame', 'accel_frame'), (None, result.source.frame_id)):
+        messages = result_messages(result, 'imu_allan', STAMP, accel_frame_id=given)
+        assert messages['gyro/noise_density'].header.frame_id == result.source.frame_id
+        assert messages['accel/noise_density'].header.frame_id == expected
+
+
 def test_an_absent_axis_is_nan_and_a_hidden_term_reaches_from_zero_to_its_bound(result):
     messages = result_messages(only(result, 'gyro_x'), 'imu_allan', STAMP)
     axis = result.axes['gyro_x']
@@ -204,7 +211,7 @@ def test_a_condition_is_reported_once_when_it_begins_and_once_when_it_is_over(he
         changes.see_reception(good)
         changes.see_timeline(now, good, summary(timeline=rejected))
     assert heard.lines == [
-        'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
+        'info no message on /imu is passed over any more; call ~/reset if it is another IMU',
         'info one publisher is left on /imu',
         'info the messages on /imu are new again',
         'info every message on /imu can be decoded again; 1 message could not be in all',
@@ -314,7 +321,7 @@ def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
     published(run.shown_terms, at(result, 800.0, False))
     # As often as it is started anew: a run is one.
     for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
-        run = unpack(decode_state(encode_state(pack(run, setup))), setup)
+        [run] = unpack(decode_state(encode_state(pack([run], setup))), setup)
         assert published(run.shown_terms, at(result, seconds, seconds > 900)
                          ).observable == observable
 

@@ -56,7 +56,7 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_reported(ros):
     setup = Setup((topic,))
     run = new_run(setup)
     run.lanes[0].update([at_rest(2000)])
-    good, whole = encode_state(pack(run, setup)), encode_state({'a': np.zeros(9)})
+    good, whole = encode_state(pack([run], setup)), encode_state({'a': np.zeros(9)})
     no_state = 'it is not a state file of imu_allan'
     cases = [
         ('damaged', whole[:100], [], 'its checksum is wrong'),
@@ -212,14 +212,14 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
     storage = Storage('/imu_allan', SETUP, worker, Facts('/imu', 100, 0.0), log, {
         'state_file': str(state), 'output_dir': str(tmp_path / 'output'),
         'checkpoint_period': 60.0, 'export_for': []})
-    runs = [storage.resumed_or_new_run(), new_run(SETUP)]
+    runs = [*storage.resumed_or_new_run(), new_run(SETUP)]
     for run in runs:
         run.lanes[0].update([at_rest(2000)])
     # One that begins equally has another folder.
-    for run in (*runs, unpack(pack(runs[0], SETUP), SETUP)):
+    for run in (*runs, *unpack(pack(runs[:1], SETUP), SETUP)):
         storage.save(run, picture=False).result()
     assert len(list((tmp_path / 'output').iterdir())) == 2
-    storage.checkpoint(runs[0]).result()
+    storage.checkpoint(runs[:1]).result()
     runs[0].lanes[0].update([at_rest(500, start_s=20.0)])
 
     def full(*_, **__):
@@ -232,7 +232,7 @@ def test_a_run_has_its_own_folder_and_keeps_its_state_on_a_full_disk(heard, tmp_
         worker.start('checkpoint', lambda: None, lambda _: None).result()
     worker.hand_out()
     [aside] = tmp_path.glob('state.rate.*')
-    kept = unpack(decode_state(aside.read_bytes()), SETUP).lanes[0].characterization
+    kept = unpack(decode_state(aside.read_bytes()), SETUP)[0].lanes[0].characterization
     assert kept.summary().timeline.samples == 2000
     assert heard.lines[-1] == 'error No space left on device'
     storage.close(is_over=False)

@@ -18,6 +18,7 @@ from imu_allan.node.reception import MIXED, Publishers
 from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.storage import decode_state, encode_state
 from imu_allan.noise.random_effects import random_effects
+from imu_allan.recordings.repeated_messages import Seen
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -30,14 +31,14 @@ HALVES = Setup(('/gyro', '/accel'))
 
 def resumed(run, setup=SETUP):
     """Give the run that a node goes on with, which was killed."""
-    return unpack(decode_state(encode_state(pack(run, setup))), setup)
+    return unpack(decode_state(encode_state(pack([run], setup))), setup)[0]
 
 
 def rebooted(run, boot, name):
     """Give the run that a node goes on with after the boot of that name."""
-    state = pack(run, SETUP)
+    state = pack([run], SETUP)
     boot.write_text(name)
-    return unpack(state, SETUP)
+    return unpack(state, SETUP)[0]
 
 
 class World:
@@ -434,3 +435,94 @@ def test_a_fit_is_due_as_the_record_grows_however_fast_it_is_replayed(speed):
         fitting.publish_or_fit(began + second + 0.5, run, began + second)
     # Half a second of the processor is 1 % of 50 s; until then the record is to be tripled.
     assert looks == [1, 3, 9, 27, 50, 60]
+
+
+@pytest.mark.parametrize('bundle_s', [0.5, 1.0, 1.6])
+def test_a_driver_that_sends_in_bundles_goes_on_beside_a_stranger(world, bundle_s):
+    own = at_rest(2000, start_s=PROVEN_S, seed=2)
+    stranger = at_rest(1000, start_s=PROVEN_S + 3.1, seed=3, mean=(0.5, 0, 0, 0, 0, 9.8))
+    ends = np.arange(1, len(own) + 1) / RATE_HZ
+    arrives_s = PROVEN_S + np.ceil(ends / bundle_s - 1e-9) * bundle_s
+    own = replace(own, receive_ns=START_NS + np.rint(arrives_s * SECOND).astype(np.int64))
+    for tick_s in np.arange(PROVEN_S, PROVEN_S + 21, 0.5):
+        for publisher, block in (2, stranger), (1, own):
+            since_s = (block.receive_ns - START_NS) / SECOND - tick_s
+            part = block.part((since_s > 0) & (since_s <= 0.5))
+            if len(part):
+                world.runs.take(0, publisher, [part])
+    world.runs.finish()
+    assert world.samples == PROVEN_S * RATE_HZ + 2000
+    assert (ended(world.runs.run), world.facts[0].mixed_samples) == ([], 1000)
+    assert not world.lines
+
+
+def test_a_single_message_of_a_stranger_is_passed_over_as_soon_as_the_driver_goes_on(world):
+    world.comes(at_rest(1, start_s=PROVEN_S), publisher=2)
+    assert world.facts[0].on_probation
+    world.comes(at_rest(100, start_s=PROVEN_S))
+    assert (world.facts[0].on_probation, world.facts[0].mixed_samples) == (False, 1)
+
+
+def of_another(seconds, start_s=PROVEN_S):
+    return replace(at_rest(round(seconds * RATE_HZ), start_s=start_s, seed=4), frame_id='other')
+
+
+def test_a_reset_lets_the_run_of_another_imu_begin_at_once_and_keeps_the_one_before(world):
+    before = world.runs.run
+    world.comes(of_another(10.0), publisher=2)
+    assert world.facts[0].elsewhere
+    world.runs.begin_anew()
+    assert ([run for run, _ in world.replaced], world.samples) == ([before], 1000)
+    assert not world.facts[0].elsewhere
+    # A reset without another IMU is what the user wants to be rid of.
+    world.runs.begin_anew()
+    assert (len(world.replaced), world.samples) == (1, 0)
+
+
+def test_a_crash_costs_neither_the_run_nor_that_of_another_imu(world):
+    world.comes(of_another(10.0), publisher=2)
+    run, other = unpack(pack(world.runs.saved, SETUP), SETUP)
+    again = World(run)
+    again.runs = Runs(SETUP, run, [(again.facts[0], set)], lambda: 0.5, Mock(), Log(Mock), [other])
+    again.comes(of_another(5.0, PROVEN_S + 20), publisher=1)
+    assert (again.samples, again.runs.unproven) == (PROVEN_S * RATE_HZ, other)
+    assert result_of(other).timeline.samples == 1500
+
+
+@pytest.mark.usefixtures('boot')
+def test_a_driver_without_a_frame_that_started_while_the_node_was_down_is_noticed():
+    before = World()
+    before.there = {'before'}
+    before.comes(replace(at_rest(6000), frame_id=''))
+    world = World(resumed(before.runs.run))
+    world.there = {'another'}
+    world.comes(replace(at_rest(6000, start_s=90.0, seed=2), frame_id=''))
+    assert len(ended(world.runs.run)) == 1
+
+
+def test_samples_of_a_restarted_driver_are_new_though_it_begins_with_the_same_zeros():
+    world = World()
+    for seed in range(2):
+        # The stamps count from the start of the driver.
+        block = at_rest(6000, seed=seed)
+        block.samples[:10] = 0
+        stamps = block.header_ns - block.header_ns[0] + SECOND
+        world.comes(replace(block, header_ns=stamps, receive_ns=block.receive_ns
+                            + 100 * seed * SECOND), publisher=seed + 1)
+    assert not world.facts[0].looping
+    assert world.samples >= 11_900
+    # Both clocks run equally fast, though the header's begins anew.
+    assert 'clock_speed' not in {remark.code for remark in world.summaries()[0].remarks}
+
+
+def test_equal_zeros_before_a_sensor_measures_are_no_recording_that_begins_again():
+    seen = Seen()
+    passed = 0
+    for seed in range(2):
+        # Longer than all samples are remembered: of the second start, only zeros are known.
+        block = at_rest(100_000, 10.0, seed=seed)
+        block.samples[:10] = 0
+        block = replace(block, header_ns=block.header_ns - START_NS + SECOND)
+        passed += sum(map(len, seen.unseen([block.part(slice(at, at + 100))
+                                            for at in range(0, len(block), 100)])))
+    assert (passed, seen.looping) == (200_000, False)

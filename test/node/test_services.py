@@ -104,6 +104,23 @@ def test_services_in_any_order_leave_a_node_that_works(ros, requests, seed):
     assert node.stop() == 0
 
 
+def test_a_request_that_rclpy_cannot_read_ends_no_run(ros):
+    node = ros.start('imu_allan_node')
+    driver = Driver(ros).wait_for_node()
+    driver.publish(1000)
+    client = ros.node.create_client(SetParameters, ros.name('imu_allan/set_parameters'))
+    ros.until(client.service_is_ready)
+    # No parameter has such a type. There is no answer.
+    client.call_async(SetParameters.Request(parameters=[
+        Parameter(name='publish_period', value=ParameterValue(type=200))]))
+    ros.until(lambda: 'a request failed (ValueError: 200 is not a valid Parameter.Type); the node '
+              'goes on' in node.lines)
+    driver.publish(1000)
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == 2000
+    assert node.stop() == 0
+
+
 def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros):
     node = ros.start('imu_allan_node', {'publish_period': 86_400.0})
     driver, client = Driver(ros), Client(ros)

@@ -147,7 +147,8 @@ def test_a_run_goes_on_with_the_samples_of_its_own_publisher(ros, health):
         second.publish(1, shaken=5.0)
     first.until_taken()
     second.until_taken()
-    mixed = f'the messages on {first.topic} are of more than one publisher: they are passed over'
+    mixed = (f'messages on {first.topic} are passed over: they are of another publisher than the '
+             'run, or too few to tell')
     names = f'{ros.name("tester")} and {ros.name("tester")}'
     for line in (mixed, f'2 publishers on {first.topic} ({names}): where their samples mix they '
                  'are passed over; give every IMU a topic of its own'):
