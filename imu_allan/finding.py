@@ -106,7 +106,7 @@ CODES: Mapping[str, Code] = {
     # what the model explains
     'short_recording': _know(
         coefficient=Text | None, duration_s=Seconds, samples=Count | None, needed=Count | None),
-    'poor_fit': _act(misfit_share=Share),
+    'poor_fit': _act(misfit_share=Share | None),
     'recordings_disagree': _act(coefficient=Text, value=InUnit, of_recording=Text,
                                 usual_value=InUnit, others=tuple[Text, ...], unit=Text),
     'thermometer': _know(fault=Literal['short', 'constant', 'unread'], covered_share=Share | None,

@@ -73,6 +73,14 @@ def _implausible_what(f: Figures) -> str:
     return f'{what} of {{value:.3g}} {{unit}} is'
 
 
+def _poor_fit(f: Figures) -> str:
+    share = f.get('misfit_share')
+    return 'no sum of noise terms ' + (
+        'describes more than the slowest part of this spectrum' if share is None else
+        'describes this spectrum: the best is off by {misfit_share:%}' if most(share) < 10 else
+        'comes within a factor of ten of this spectrum')
+
+
 def _implausible(f: Figures) -> str:
     likely = 'raw counts' if f['likely'] == 'counts' else '{likely} in place of SI units'
     return (f'{_implausible_what(f)} more than any such sensor has at rest ({{limit:.3g}}): '
@@ -379,9 +387,7 @@ WORDS: Mapping[str, Words] = {
         'poor fit', 'The noise is no sum of the terms that are fitted: intervals are widened.',
         'The spectrum leaves the model by more than chance.',
         # A signal without noise leaves only rounding, and a model that is off by its range.
-        says=lambda f: 'no sum of noise terms ' + (
-            'describes this spectrum: the best is off by {misfit_share:%}'
-            if f['misfit_share'] < 10 else 'comes within a factor of ten of this spectrum'),
+        says=_poor_fit,
         do='look for vibration, or a filter in the sensor or driver', brief='no noise model fits'),
     'recordings_disagree': Words(
         'recordings disagree', 'The recordings are not of one noise.',

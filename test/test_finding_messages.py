@@ -122,6 +122,7 @@ SAID = [
     finding('short_recording', samples=20, duration_s=0.2, needed=57),
     finding('short_recording', GYRO, coefficient='rate_random_walk', duration_s=600.0),
     finding('poor_fit', GYRO, misfit_share=0.12), finding('poor_fit', GYRO, misfit_share=4.7e15),
+    finding('poor_fit', GYRO, misfit_share=None),
     finding('recordings_disagree', GYRO, coefficient='noise_density', value=1e-4,
             of_recording='b', usual_value=8e-5, others=['a', 'c'], unit='rad/s/sqrt(Hz)'),
     finding('thermometer', fault='short', covered_share=0.64),

@@ -39,7 +39,7 @@ def fit_findings(fitted: AxisReport, unit: str) -> Iterator[Finding]:
     elif fitted.window_s is not None:
         yield finding('band_limited', window_s=fitted.window_s)
     if not fitted.acceptable:
-        yield finding('poor_fit', misfit_share=fitted.misfit)
+        yield finding('poor_fit', misfit_share=None if fitted.shallow else fitted.misfit)
     if (law := fitted.power_law) is not None:
         low, high = law.exponent_ci95
         yield finding('power_law', exponent=law.exponent, exponent_low=low, exponent_high=high)
