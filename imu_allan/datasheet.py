@@ -32,8 +32,8 @@ DEAD = 1e-3
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little."""
 GROWTH = 1.15
 """Growth of the record between looks; on average half of it is recorded in vain."""
-_UNRELIABLE = {'several_publishers', 'clock_speed', 'implausible', 'interpolated'}
-"""Codes of findings by which N may be wrong by any factor: another sensor, unit or rate."""
+_UNRELIABLE = {'several_publishers', 'implausible', 'interpolated'}
+"""Codes of findings by which N may be wrong by any factor: another sensor, or another unit."""
 MARGIN = 0.1
 """A unit whose value is nearer to its limit, by this share, is called neither good nor bad."""
 
