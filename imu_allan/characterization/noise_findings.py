@@ -9,6 +9,7 @@ from imu_allan.characterization.thermometer import Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.posterior.report import AxisReport
+from imu_allan.noise.posterior.thresholds_and_priors import TOLERATED_MISFIT
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Segment, Timeline, Trend
@@ -39,7 +40,8 @@ def fit_findings(fitted: AxisReport, unit: str) -> Iterator[Finding]:
     elif fitted.window_s is not None:
         yield finding('band_limited', window_s=fitted.window_s)
     if not fitted.acceptable:
-        yield finding('poor_fit', misfit_share=None if fitted.shallow else fitted.misfit)
+        yield finding('poor_fit', misfit_share=fitted.misfit
+                      if fitted.misfit > TOLERATED_MISFIT else None)
     if (law := fitted.power_law) is not None:
         low, high = law.exponent_ci95
         yield finding('power_law', exponent=law.exponent, exponent_low=low, exponent_high=high)

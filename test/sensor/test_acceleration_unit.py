@@ -142,7 +142,7 @@ def test_gravity_tells_the_counts_of_all_axes_from_mg():
         ('noise_density', 'counts')] * len(said)
     assert [axis for found in said for axis in found.axes] == ['accel_x', 'accel_y', 'accel_z']
     [sentence] = {sentence_of(found) for found in result.warnings if found.code == 'gravity'}
-    assert sentence == 'the mean acceleration is 16389 m/s^2, not about 9.81'
+    assert sentence == 'the mean acceleration is 16387 m/s^2, not about 9.81'
 
 
 def test_a_spread_is_reported_where_the_noise_density_is_not_known():
