@@ -17,6 +17,7 @@ from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.finding import Finding, finding
 from imu_allan.state import Record
+from imu_allan.timeline.values import repeated
 import numpy as np
 
 _MOST = 2048
@@ -153,7 +154,7 @@ class Seen(Record):
             return None
         # What a driver repeats before its sensor measures, such as zeros, tells nothing.
         compared = back & np.isin(block.header_ns, self.stamps)
-        compared[:-1] &= (block.samples[1:] != block.samples[:-1]).any(axis=1)
+        compared[:-1] &= ~repeated(block.samples)
         rows = np.flatnonzero(compared).tolist()
         # Absent axes are NaN, which have to compare as equal.
         same = [row for row in rows if any(

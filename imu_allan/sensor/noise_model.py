@@ -141,12 +141,13 @@ def _yaml(text: str, name: str) -> Any:
 
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
             """Refuse a key that is given twice, of which YAML would use only the last."""
-            keys = [key.value for key, _ in node.value]
-            for number, key in enumerate(keys):
-                if key in keys[:number]:
+            seen: set[str] = set()
+            for key, _ in node.value:
+                if str(key.value) in seen:
                     raise yaml.MarkedYAMLError(
-                        problem=f'{shorten(repr(key), 60)} is given twice; keep one',
-                        problem_mark=node.value[number][0].start_mark)
+                        problem=f'{shorten(repr(key.value), 60)} is given twice; keep one',
+                        problem_mark=key.start_mark)
+                seen.add(str(key.value))
             found: dict[Any, Any] = super().construct_mapping(node, deep)
             return found
 

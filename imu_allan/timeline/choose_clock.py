@@ -34,9 +34,9 @@ import numpy as np
 
 def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
     """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
-    decision.clock = 'header'
     one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
-    if options.force_rate:
+    if options.force_rate and options.rate_hz is not None:
+        decision.clock = 'header'
         decision.count_samples(options.rate_hz)
         return
     repeats = repeated(window.samples)

@@ -11,13 +11,11 @@ named. The numbers of a datasheet replace a result where there are no measuremen
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import sqrt
 from statistics import median_high
 from typing import get_args, Literal
 
 from imu_allan import result as schema
-from imu_allan.arrays import Array
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import (
     allan_variance,
@@ -175,7 +173,7 @@ class Numbers:
         if found.bound:
             return f'not observable, below {value}'
         if self.of_datasheet:
-            terms = ', '.join(_slow_noise(self.result.axes[name]))
+            terms = ', '.join(_slow_noise(self.result.axes[name], self.coast_s))
             return f'{f"from {terms}" if found.of_flicker else "datasheet"} {value}'
         ends = '' if found.interval is None else (
             f' ({scale(max(found.interval[0], 0.0)):.4g} to {scale(found.interval[1]):.4g})')
@@ -233,8 +231,8 @@ class Numbers:
         """Give axes the bias that is as large as all their slow noise after the unaided time."""
         for name, numbers in self.coefficients.items():
             axis = self.result.axes[name]
-            parts = _slow_noise(axis)
-            level = sqrt(sum(float(part(self.coast_s)) for part in parts.values()))
+            parts = _slow_noise(axis, self.coast_s)
+            level = sqrt(sum(parts.values()))
             if self.consumer.bias == 'random_walk' and {*parts} - {'K'}:
                 numbers['K'] = Number(level * sqrt(3 / self.coast_s), of_flicker=True)
             elif self.consumer.bias == 'gauss_markov' and parts and axis.gauss_markov is None:
@@ -308,14 +306,13 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
             Number(peak / _PEAK, of_flicker=True))
 
 
-def _slow_noise(axis: AxisResult) -> dict[str, Callable[[float], Array]]:
-    """Return the slow noise of a datasheet by symbol: the Allan variance at an averaging time."""
-    values = {key: axis.coefficients[key].value for key in SLOW_TERMS}
-    parts: dict[str, Callable[[float], Array]] = {
-        TERMS[key].symbol: partial(allan_variance, {key: value})
-        for key, value in values.items() if value}
+def _slow_noise(axis: AxisResult, tau_s: float) -> dict[str, float]:
+    """Return the Allan variance of each slow noise of a datasheet, by its symbol."""
+    parts = {TERMS[key].symbol: float(allan_variance({key: value}, tau_s))
+             for key in SLOW_TERMS if (value := axis.coefficients[key].value)}
     if (process := axis.gauss_markov) is not None:
-        parts['sigma'] = partial(gauss_markov_avar, process.sigma, process.correlation_time_s)
+        parts['sigma'] = float(gauss_markov_avar(
+            process.sigma, process.correlation_time_s, tau_s))
     return parts
 
 
