@@ -239,14 +239,17 @@ def test_values_that_no_filter_can_use_are_no_fault_of_the_disk(ros, health):
     assert why in node.lines
 
 
-def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(ros):
+@pytest.mark.parametrize('named', [True, False])
+def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(ros, named):
     # Stands for any bug: the timer's callback calls a function that raises.
     (ros.folder / 'sitecustomize.py').write_text(
         'import imu_allan.node.diagnostics as diagnostics\n'
         'def fail(*arguments): raise ZeroDivisionError("a bug")\n'
         'diagnostics.diagnostics_message = fail\n')
-    node = ros.start('imu_allan_node', {'state_file': str(ros.folder / 'state')},
-                     prepend_path=ros.folder)
+    state = ros.folder / 'state' if named else (
+        ros.folder / 'home' / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state')
+    node = ros.start('imu_allan_node', {'state_file': str(state)} if named else {},
+                     prepend_path=ros.folder, env={'ROS_HOME': str(ros.folder / 'home')})
     driver = Driver(ros).wait_for_node()
     driver.publish(4000)
     driver.until_taken()
@@ -258,7 +261,9 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
     assert 'ZeroDivisionError: a bug' in node.lines
     assert ('internal error: the node ends and saves what it has learnt; please report it'
             in node.lines)
-    assert (ros.folder / 'state').stat().st_size > 10_000
+    assert state.stat().st_size > 10_000
+    # The next start resumes it, as after a crash.
+    assert kept_in(state).timeline.samples == 4000
     [document] = ros.results()
     assert document['timeline']['samples'] == 4000
 
