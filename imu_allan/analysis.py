@@ -115,9 +115,9 @@ def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
         raise TypeError(f'analyze takes the path of a recording, not {type(path).__name__}; for '
                         'samples in an array: imu_allan.characterize(samples, sample_rate_hz)')
     if start_s != 0:
-        positive_time('start_s', start_s)
+        start_s = positive_time('start_s', start_s)
     if duration_s is not None:
-        positive_time('duration_s', duration_s)
+        duration_s = positive_time('duration_s', duration_s)
     return analyzed(path, Choice(topic, options, reading, start_s, duration_s), progress)
 
 

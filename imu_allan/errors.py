@@ -6,7 +6,7 @@ The exception that imu_allan raises for unusable input, checks of arguments, and
 An invalid argument is reported in one line, before any work is done.
 """
 
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 SHORTEST_S = 1e-6
@@ -63,6 +63,14 @@ def positive(name: str, value: Any, least: float = 1e-30, most: float = 1e30) ->
 def positive_time(name: str, value: Any) -> float:
     """Return an argument as a time in seconds."""
     return positive(name, value, SHORTEST_S, LONGEST_S)
+
+
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """Return an argument as a whole number, `least` or above."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise ImuAllanError(f'{name} must be a whole number, {least} or above, not '
+                            f'{shown(value)}')
+    return int(value)
 
 
 def real(value: Any) -> float | None:

@@ -8,7 +8,9 @@ from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
+from imu_allan.recordings import RecordingOptions
 from imu_allan.recordings.repeated_messages import sampled, share_messages
+from imu_allan.timeline import TimelineOptions
 from imu_allan.wording import origin_of
 from imu_allan.writers.filters import export
 import numpy as np
@@ -113,6 +115,15 @@ def test_what_a_recording_holds_twice_counts_once(written, first, seed, ordered,
 def test_an_argument_that_makes_no_sense_is_refused_before_anything_is_read(given, line):
     with refused(line):
         analyze('no such file', **given)
+
+
+def test_what_was_given_as_numbers_of_numpy_is_the_same_in_a_result(written):
+    path = written()
+    found, plain = (analyze(path, options=TimelineOptions(rate_hz=kind(5.0)),
+                            reading=RecordingOptions(rate_hz=kind(5.0)),
+                            start_s=kind(8.1), duration_s=kind(600.1))
+                    for kind in (np.float32, float))
+    assert found.to_json() == plain.to_json()
 
 
 def test_recordings_of_one_time_with_other_values_are_two(written):

@@ -90,7 +90,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     False
 
     """
-    positive('sample_rate_hz', sample_rate_hz)
+    sample_rate_hz = positive('sample_rate_hz', sample_rate_hz)
     if quantity not in list(Quantity):
         known = ' or '.join(repr(one.value) for one in Quantity)
         raise ValueError(f'quantity must be {known}, not {quantity!r}')

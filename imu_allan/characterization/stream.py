@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import get_args, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
@@ -94,6 +94,8 @@ class Characterization(Record):
     before: Thermometer = field(default_factory=Thermometer, init=False)
 
     def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"kind must be 'recording' or 'topic', not {self.kind!r}")
         self.timeline = TimelineStage(self.options)
 
     def update(self, block: ImuBlock) -> None:

@@ -16,11 +16,10 @@ R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): ci
 """
 
 from collections.abc import Mapping
-from operator import index
 from typing import Any
 
 from imu_allan.arrays import Array
-from imu_allan.errors import positive, real, shown
+from imu_allan.errors import positive, real, shown, whole
 from imu_allan.noise.gauss_markov_means import on_mean, rest_of_mean
 from imu_allan.noise.terms import TERMS
 import numpy as np
@@ -54,7 +53,7 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     Raises
     ------
     ValueError
-        If a key is unknown, one of `gauss_markov` is missing, a coefficient other than the ramp is
+        If a key is unknown, one of `gauss_markov` is missing, a number other than ramp and mean is
         negative, or `samples` or `sample_rate_hz` is not positive.
 
     Examples
@@ -64,11 +63,8 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     0.01
 
     """
-    _check(coefficients, sample_rate_hz)
-    if index(seed) < 0:
-        raise ValueError(f'seed must be zero or more, not {seed}')
-    if index(samples) < 1:
-        raise ValueError(f'samples must be at least 1, not {samples}')
+    _check(coefficients)
+    seed, samples = whole('seed', seed), whole('samples', samples, 1)
     own = {**coefficients, 'bias_instability': 0.0}
     total = NoiseStream(own, sample_rate_hz, seed, settled=True).draw(samples)
     if exact := float(coefficients.get('bias_instability', 0.0)):
@@ -97,9 +93,9 @@ class NoiseStream:
 
     def __init__(self, coefficients: Mapping[str, Any], sample_rate_hz: float,
                  seed: int = 0, *, settled: bool = False) -> None:
-        _check(coefficients, sample_rate_hz)
+        _check(coefficients)
         self._c = {key: float(coefficients.get(key, 0.0)) for key in (*TERMS, 'mean')}
-        self._dt = 1.0 / sample_rate_hz
+        self._dt = 1.0 / positive('sample_rate_hz', sample_rate_hz)
         self._rng = {key: _stream_of(key, seed) for key in TERMS}
         self._index = 0
         self._phase = float(self._rng['quantization_noise'].standard_normal())
@@ -149,23 +145,23 @@ class NoiseStream:
         return total
 
 
-def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
+def _check(coefficients: Mapping[str, Any]) -> None:
     if not isinstance(coefficients, Mapping):
         raise TypeError(f'coefficients must be a mapping, not {type(coefficients).__name__}')
     unknown = set(coefficients) - set(TERMS) - {'gauss_markov', 'mean'}
     if unknown:
         raise ValueError(f'unknown noise term {sorted(unknown)[0]!r}; known: {", ".join(TERMS)}')
-    for key in TERMS:
-        given = coefficients.get(key, 0.0)
-        value = real(given)
-        if value is None or not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
-            raise ValueError(f'{key} must be a number in SI units, zero or more, not '
-                             f'{shown(given)}')
     markov = coefficients.get('gauss_markov') or {}
-    if markov and set(markov) != {'sigma', 'correlation_time_s'}:
-        raise ValueError('gauss_markov needs sigma and correlation_time_s, not '
-                         f'{", ".join(map(str, markov))}')
-    positive('sample_rate_hz', sample_rate_hz)
+    if markov and not (isinstance(markov, Mapping)
+                       and set(markov) == {'sigma', 'correlation_time_s'}):
+        raise ValueError(f'gauss_markov needs sigma and correlation_time_s, not {shown(markov)}')
+    for key, given in {**coefficients, 'gauss_markov': 0.0, **markov}.items():
+        value, signed = real(given), key in ('rate_ramp', 'mean')
+        if value is None or not (np.isfinite(value) and (value >= 0 or signed)):
+            raise ValueError(f'{key} must be a number in SI units'
+                             f'{"" if signed else ", zero or more"}, not {shown(given)}')
+    if markov:
+        positive('correlation_time_s', markov['correlation_time_s'])
 
 
 def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0

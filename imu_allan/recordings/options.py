@@ -3,10 +3,9 @@
 """Options with which the user describes a recording."""
 
 from dataclasses import dataclass
-import math
 from pathlib import Path
 
-from imu_allan.errors import brief, ImuAllanError
+from imu_allan.errors import brief, ImuAllanError, positive
 from imu_allan.sensor.units import convert
 
 RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
@@ -56,9 +55,9 @@ class RecordingOptions:
 
     def __post_init__(self) -> None:
         """Raise ImuAllanError for a wrong unit or rate."""
-        for rate_hz in (self.rate_hz, self.accel_rate_hz):
-            if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
-                raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')
+        for name in ('rate_hz', 'accel_rate_hz'):
+            if (rate_hz := getattr(self, name)) is not None:
+                vars(self)[name] = positive(name, rate_hz)
         self.factors  # noqa: B018
 
     @property

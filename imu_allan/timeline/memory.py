@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from imu_allan.arrays import Array, Bools
 from imu_allan.block import ImuBlock, joined
-from imu_allan.errors import ImuAllanError, positive
+from imu_allan.errors import ImuAllanError, positive, whole
 from imu_allan.finding import Flaw
 from imu_allan.result import LISTED_SPANS
 from imu_allan.state import Record
@@ -55,13 +55,14 @@ class TimelineOptions:
     motion: Literal['exclude', 'keep'] = 'exclude'
 
     def __post_init__(self) -> None:
-        """Reject unknown values, which a state file may contain."""
+        """Reject unknown values, which a state file may contain; make numbers of numpy plain."""
         if self.clock not in ('auto', 'header', 'receive'):
             raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
         if self.motion not in ('exclude', 'keep'):
             raise ValueError(f'motion {self.motion!r} is not exclude or keep')
+        vars(self)['gap_tolerance'] = whole('gap_tolerance', self.gap_tolerance)
         if self.rate_hz is not None:
-            positive('rate_hz', self.rate_hz)
+            vars(self)['rate_hz'] = positive('rate_hz', self.rate_hz)
 
 
 @dataclass(frozen=True)

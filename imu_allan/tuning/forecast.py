@@ -10,7 +10,7 @@ independent segments of that length give a variance, and how much the drift chan
 The same uncertainty widens tuned numbers, and the bands of tests on other data.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from imu_allan.arrays import Array
@@ -66,7 +66,8 @@ class DriftForecast:
     known_to_s: float
 
 
-def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 60.0, 600.0),
+def predicted_drift(axis: AxisResult,
+                    horizons_s: float | Sequence[float] = (1.0, 10.0, 60.0, 600.0),
                     calibration_s: float = 60.0) -> DriftForecast:
     """
     Predict the error of integrating an axis without correction: (9) of docs/statistics.md.
@@ -75,7 +76,7 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
     ----------
     axis : AxisResult
         An axis object of a result, with a drift model.
-    horizons_s : sequence of float, optional
+    horizons_s : float or sequence of float, optional
         Times without correction, in seconds.
     calibration_s : float, optional
         Time over which the bias was averaged at rest just before.
@@ -102,7 +103,8 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
 
     """
     model = drift_model_of(axis)
-    h = np.array([positive_time('horizons_s', one) for one in horizons_s])
+    each = horizons_s if isinstance(horizons_s, Iterable) else [horizons_s]
+    h = np.array([positive_time('horizons_s', one) for one in each])
     c = positive_time('calibration_s', calibration_s)
     wide = np.exp(chi_square.NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
     beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))

@@ -111,7 +111,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
         Whether predictions are never below the upper 95 % end of what is expected at any horizon,
         instead of right on average. How much a sensor's drift usually changes is included.
     correlation_time_s : float, optional
-        Correlation time of the filter's process, if it is fixed; chosen by default.
+        Correlation time of the filter's Gauss-Markov process, if it is fixed; chosen by default.
 
     Returns
     -------
@@ -139,6 +139,9 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
     times = _times(aiding_interval_s, coast_s, correlation_time_s)
     if not isinstance(bias, str) or bias not in ('random_walk', 'gauss_markov'):
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
+    if bias == 'random_walk' and correlation_time_s is not None:
+        raise ImuAllanError("correlation_time_s is for bias='gauss_markov': a random walk has "
+                            'none')
     return _tune(_drifting(axis), *times, bias, conservative)
 
 

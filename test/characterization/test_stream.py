@@ -36,6 +36,11 @@ def characterized(rows, index=None):
     return streamed(in_blocks(rows, RATE, index)).result()
 
 
+def test_a_kind_of_source_that_no_result_names_is_refused():
+    with refused("kind must be 'recording' or 'topic', not 'live'", ValueError):
+        Characterization(kind='live')
+
+
 def test_an_imu_that_is_turned_between_rests_keeps_the_coefficients_of_each_axis():
     rows = still_imu(48_000)
     upright = characterized(rows)

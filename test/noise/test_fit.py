@@ -263,6 +263,13 @@ def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, line):
         characterize(samples, rate, quantity)
 
 
+@pytest.mark.parametrize('kind', [np.float16, np.float32, np.int64])
+def test_a_rate_may_be_a_number_of_numpy(kind):
+    rows = simulate({N: 1e-3}, 5000, kind(200))
+    assert np.array_equal(rows, simulate({N: 1e-3}, 5000, 200.0))
+    assert characterize(rows, kind(200)).to_dict() == characterize(rows, 200.0).to_dict()
+
+
 @pytest.mark.parametrize('crossings', [5, 10])
 def test_the_first_slow_noise_that_shows_is_flicker_and_no_random_walk(crossings):
     """Of 120 short records in which flicker had just come into sight 22 had a random walk."""

@@ -177,25 +177,33 @@ def test_same_seed_gives_the_same_record_and_another_seed_another(how):
     ({'arw': 1.0}, 10, 100.0, "unknown noise term 'arw'; known: quantization_noise, "
      'noise_density, bias_instability, rate_random_walk, rate_ramp'),
     ({'gauss_markov': {'sigma': 1.0}}, 10, 100.0,
-     'gauss_markov needs sigma and correlation_time_s, not sigma'),
+     "gauss_markov needs sigma and correlation_time_s, not {'sigma': 1.0}"),
+    ({'gauss_markov': 5}, 10, 100.0, 'gauss_markov needs sigma and correlation_time_s, not 5'),
+    ({'gauss_markov': {'sigma': -1.0, 'correlation_time_s': 1.0}}, 10, 100.0,
+     'sigma must be a number in SI units, zero or more, not -1'),
+    ({'gauss_markov': {'sigma': 1.0, 'correlation_time_s': 0.0}}, 10, 100.0,
+     'correlation_time_s must be a number from 1e-30 to 1e+30, not 0'),
+    *(({'mean': mean}, 10, 100.0, f'mean must be a number in SI units, not {mean}')
+      for mean in (np.nan, None)),
     ({'noise_density': -1e-3}, 10, 100.0,
      'noise_density must be a number in SI units, zero or more, not -0.001'),
     ({'noise_density': '1 deg/sqrt(h)'}, 10, 100.0, 'noise_density must be a number in SI units, '
      "zero or more, not '1 deg/sqrt(h)'"),
     ({'rate_random_walk': np.nan}, 10, 100.0,
      'rate_random_walk must be a number in SI units, zero or more, not nan'),
-    ({}, 0, 100.0, 'samples must be at least 1, not 0'),
+    *(({}, samples, 100.0, f'samples must be a whole number, 1 or above, not {samples}')
+      for samples in (0, 10.5, None)),
     ({}, 10, 0.0, 'sample_rate_hz must be a number from 1e-30 to 1e+30, not 0')])
 def test_impossible_requests_are_refused(model, samples, rate, line):
     with refused(line, ValueError):
         simulate(model, samples, rate)
 
 
-@pytest.mark.parametrize('given', [
-    {'samples': 10.0}, {'seed': np.random.default_rng(1)}, {'coefficients': 1e-3}])
-def test_arguments_of_a_wrong_type_are_refused(given):
-    with pytest.raises(TypeError):
-        simulate(**{'coefficients': {}, 'samples': 10, 'sample_rate_hz': 100.0} | given)
+def test_arguments_of_a_wrong_type_are_refused():
+    with refused('coefficients must be a mapping, not float', TypeError):
+        simulate(1e-3, 10, 100.0)
+    with refused('seed must be a whole number, 0 or above, not 1.5'):
+        simulate({}, 10, 100.0, 1.5)
 
 
 @pytest.mark.thorough

@@ -91,6 +91,12 @@ def test_gaps_up_to_the_tolerance_are_interpolated_and_longer_ones_listed(tolera
     assert summary.timeline.duration_s == pytest.approx(50.0)
 
 
+@pytest.mark.parametrize('tolerance', [-1, 0.5, None])
+def test_a_gap_is_tolerated_by_a_whole_number_of_samples(tolerance):
+    with refused(f'gap_tolerance must be a whole number, 0 or above, not {tolerance}'):
+        TimelineOptions(gap_tolerance=tolerance)
+
+
 @pytest.mark.parametrize('unknown', [[], [4]])
 def test_repeated_and_backward_messages_are_counted_and_left_out(unknown):
     block = still(20_000)

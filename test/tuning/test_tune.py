@@ -219,6 +219,15 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
             (TIMES | NUMBERS)[name](value)
 
 
+def test_a_random_walk_has_no_correlation_time():
+    with refused("correlation_time_s is for bias='gauss_markov': a random walk has none"):
+        imu_allan.tune(AXIS, correlation_time_s=100.0)
+
+
+def test_drift_over_one_time_is_that_over_a_list_of_it():
+    assert imu_allan.predicted_drift(AXIS, 10) == imu_allan.predicted_drift(AXIS, [10.0])
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('known_s', [200.0, 1e4])
 def test_the_ends_of_what_is_taken_give_numbers(known_s):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from imu_allan.arrays import Array, Ints
+from imu_allan.errors import whole
 from imu_allan.noise.record.cells import RUN_SHIFT
 from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.multi_axis import AXES, AXES_FIRST, begun, MultiAxis, numbers
@@ -156,11 +157,10 @@ class Estimator(MultiAxis):
         Raises
         ------
         ValueError
-            If `missing` is negative.
+            If `missing` is negative or no whole number.
 
         """
-        if missing < 0:
-            raise ValueError(f'missing must not be negative: {missing}')
+        missing = whole('missing', missing)
         self._absorb()
         self.pyramid.start_segment()
         self.signal.skip(missing)

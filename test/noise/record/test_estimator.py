@@ -20,6 +20,7 @@ from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
 from scipy.fft import dct
+from whole_lines import refused
 
 SENSOR = {N: 1e-3, B: 3e-4, K: 5e-5}
 RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
@@ -64,6 +65,12 @@ def test_batches_of_any_size_and_a_saved_state_give_the_same_bits(cuts, gaps, sa
             Estimator.from_state(state).update(RECORD[::-1])
             split = Estimator.from_state(state)
     same_state(whole, split)
+
+
+@pytest.mark.parametrize('missing', [-1, 1.5])
+def test_only_a_whole_number_of_samples_can_be_missing(missing):
+    with refused(f'missing must be a whole number, 0 or above, not {missing}'):
+        Estimator().skip(missing)
 
 
 @pytest.mark.parametrize(('scale', 'faster'), [(3.0, 2.0**-7), (1e-6, 1.0), (7e5, 8.0)])

@@ -100,7 +100,7 @@ def test_without_time_column_the_rate_makes_the_stamps(path):
                          ('time_s,gyro_z\n0,1\n0.5,2\n', [0, 500_000_000])):
         assert read_text(path, text, rate_hz=400.)[0].header_ns.tolist() == stamps
     for rate in (0.0, float('nan')):
-        with refused(f'rate {rate}: not a positive number of Hz'):
+        with refused(f'rate_hz must be a number from 1e-30 to 1e+30, not {rate:g}'):
             open_recording(path, rate_hz=rate)
 
 
