@@ -251,12 +251,16 @@ def _taken(recording: Recording, choice: Choice, progress: Progress,
 def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
     """Yield each stream, ready to be read, with the options that apply to it."""
     streams = choose_streams(recording, choice.topic)
+    two_topics = len({each.topic for each in streams}) > 1
+    if choice.reading.accel_rate_hz is not None and not two_topics:
+        raise ImuAllanError(f'{recording.path}: --accel-rate is for an accelerometer on a topic '
+                            'of its own; --rate is for both')
     for number, stream in enumerate(streams):
         options = choice.options
         if stream.only_new:
             # The stated rate is that of the messages, which repeat the samples of this half.
             options = replace(options, rate_hz=None)
-        elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
+        elif stream.half == 'accel' and two_topics:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
         blocks, noted = in_si_units(recording, stream, offset_progress(
             progress, number * recording.size_bytes, len(streams)))

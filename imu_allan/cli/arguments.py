@@ -206,6 +206,18 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
                         help='what to do with knocks and motion (default: %(default)s)')
 
 
+def refuse_reading_options(args: argparse.Namespace, needed: str) -> None:
+    """End the program if an option about reading a recording is given, though none is read."""
+    reading = argparse.ArgumentParser()
+    reading.set_defaults(topic=None, live=False)
+    add_recording_options(reading)
+    add_timeline_options(reading)
+    for name, default in vars(reading.parse_args([])).items():
+        # Without a recording there is no progress to show.
+        if name != 'no_progress' and getattr(args, name, default) != default:
+            args.parser.error(f'--{name.replace("_", "-")} needs {needed}')
+
+
 def choice_of(args: argparse.Namespace) -> 'Choice':
     """Return how to read a recording, from the arguments; wrong usage ends the program."""
     from imu_allan.analysis import Choice

@@ -67,7 +67,10 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
+    from imu_allan.writers.result_files import is_result
 
+    if is_result(args.source):
+        arguments.refuse_reading_options(args, 'a recording, not a result')
     specification, choice = arguments.specification_of(args.spec), arguments.choice_of(args)
     source, *others = map(str, recordings_in(args.source, choice.reading))
     if others:
@@ -121,10 +124,7 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
     from imu_allan.characterization.join_results import fitted
     from imu_allan.datasheet import check_state, next_look
     from imu_allan.wording import duration as said
-    from imu_allan.writers.result_files import is_result
 
-    if is_result(source):
-        raise ImuAllanError(f'{source}: --live needs a recording, not a result')
     with choice.opened(source) as recording, progress_bar(
             source, recording.size_bytes, wanted=not args.no_progress) as bar, closing(
             growing(recording, choice, next_look, bar)) as looks:

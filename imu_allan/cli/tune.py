@@ -8,7 +8,12 @@ import json
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import add_recording_options, duration, recording_options
+from imu_allan.cli.arguments import (
+    add_recording_options,
+    duration,
+    recording_options,
+    refuse_reading_options,
+)
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import TUNING
 from imu_allan.writers.terminal import console_of, progress_bar, wrapped
@@ -28,8 +33,8 @@ def register(verbs: Any) -> None:
                   'tune out --aiding 50ms --coast 2m',
                   'tune out --verify another_day.mcap'),
         description='Choose the numbers for a filter by how often something corrects it and how '
-                    'long it is unaided. Beside them: what the measured coefficients, ten '
-                    'times K and the drift model reach, and the unaided drift.')
+                    'long it is unaided. Beside them: what conservative numbers, the '
+                    'measured coefficients and ten times K reach, and the unaided drift.')
     parser.add_argument('result', metavar='RESULT',
                         help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
@@ -53,6 +58,8 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_files import load_result
 
+    if args.verify is None:
+        refuse_reading_options(args, 'the recording that --verify names')
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter is unaided for at least one interval')

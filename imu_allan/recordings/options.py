@@ -54,10 +54,13 @@ class RecordingOptions:
     temperature: str | None = None
 
     def __post_init__(self) -> None:
-        """Raise ImuAllanError for a wrong unit or rate."""
+        """Raise ImuAllanError for a wrong unit or rate, or a time without samples."""
         for name in ('rate_hz', 'accel_rate_hz'):
             if (rate_hz := getattr(self, name)) is not None:
                 vars(self)[name] = positive(name, rate_hz)
+        if self.stamp is not None and self.gyro is self.accel is None:
+            raise ImuAllanError('--stamp is for messages whose fields are named: give --gyro or '
+                                '--accel, too')
         self.factors  # noqa: B018
 
     @property

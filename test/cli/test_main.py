@@ -101,6 +101,11 @@ def test_every_verb_has_its_help_for_a_terminal(verb, output_of):
     ('check r.json', 'the following arguments are required: --spec'),
     ('check bag --spec x --meta colour=red', "argument --meta: 'colour=red' is not of the form "
      'KEY=VALUE with a KEY of serial, operator, station'),
+    *((f'check r.json --spec x {option}', f'{option.split()[0]} needs a recording, not a result')
+      for option in ('--start 5', '--duration 5', '--topic /t', '--rate 5', '--clock receive',
+                     '--gyro :deg/s', '--motion keep', '--columns gyro_x=1', '--live')),
+    *((f'tune r.json {option}', f'{option.split()[0]} needs the recording that --verify names')
+      for option in ('--topic /t', '--rate 5', '--accel-topic /t')),
     ('report r.json --format bmp', "argument --format: 'bmp' is not one of png, svg, pdf"),
     # A line break within a number.
     ('analyze bag --rate 1\\n2', NO_RATE.format('1\\n2')),

@@ -84,18 +84,27 @@ def test_gaps_and_faults_are_counted(tmp_path, output_of):
     assert '  gaps        1, 1 s in all: 1 s at 5 s' in shown
 
 
-def test_a_field_that_no_message_has_is_one_line(tmp_path, output_of, fails_with):
+def test_a_field_that_no_message_has_is_one_line(recording, tmp_path, output_of, fails_with):
     store = store_with({})
     path = write_mcap(tmp_path / 'a.mcap', 'sensor_msgs/msg/Imu',
                       full_definition(store, 'sensor_msgs/msg/Imu'),
                       [store.serialize_cdr(imu(store, number), 'sensor_msgs/msg/Imu')
                        for number in range(20)], topic='/imu')
-    fails_with(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /imu '
-               '(sensor_msgs/msg/Imu); --gyro rate: sensor_msgs/msg/Imu has no field rate; it has '
-               'header, orientation, orientation_covariance, angular_velocity, '
-               'angular_velocity_covariance, linear_acceleration, '
-               'linear_acceleration_covariance', 'info', path, '--gyro', 'rate')
+    for source, topic in ((path, '/imu'), (recording, '/imu/data_raw')):
+        fails_with(f'{source}: no topic of type sensor_msgs/msg/Imu; it holds {topic} '
+                   '(sensor_msgs/msg/Imu); --gyro rate: sensor_msgs/msg/Imu has no field rate; it '
+                   'has header, orientation, orientation_covariance, angular_velocity, '
+                   'angular_velocity_covariance, linear_acceleration, '
+                   'linear_acceleration_covariance', 'info', source, '--gyro', 'rate')
     output_of('info', path, '--gyro', 'rate', '--gyro-topic', '/other')
+
+
+@pytest.mark.parametrize(('option', 'line'), [
+    ('--stamp', '--stamp is for messages whose fields are named: give --gyro or --accel, too'),
+    ('--accel-rate', '{recording}: --accel-rate is for an accelerometer on a topic of its own; '
+                     '--rate is for both')])
+def test_an_option_that_would_change_nothing_is_refused(recording, option, line, fails_with):
+    fails_with(line.format(recording=recording), 'analyze', recording, option, '5')
 
 
 def test_an_imu_inside_another_message_is_named_with_how_it_is_read(tmp_path, output_of):

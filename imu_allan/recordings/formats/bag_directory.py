@@ -82,7 +82,8 @@ class BagDirectory(Recording):
 
     def _list_from_files(self) -> None:
         counted = {topic.name: topic.count or None for topic in self.topics}
-        found = {topic.name: replace(topic, count=None) for topic in self.topics}
+        listed = {topic.name: replace(topic, count=None) for topic in self.topics}
+        found = dict(listed)
         for file in self._files:
             part = self._opened(file)
             if part is None:
@@ -100,7 +101,8 @@ class BagDirectory(Recording):
                 self.reasons.update(part.reasons)
                 self.keep_remarks_of(part)
         self.topics = [replace(topic, count=counted.get(name)) if topic.count is None else topic
-                       for name, topic in found.items()]
+                       for name, topic in found.items()
+                       if topic is not listed.get(name) or name not in self.reasons]
         recorded = {topic.topic for topic in self.topics}
         self.other_topics = {name: kind for name, kind in self.other_topics.items()
                              if name not in recorded}

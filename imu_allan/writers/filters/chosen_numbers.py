@@ -125,6 +125,9 @@ class Numbers:
         if self.of_datasheet and options.conservative:
             raise ImuAllanError('a datasheet has no intervals to be conservative about; '
                                 '--inflate N=2,K=5 makes its numbers larger')
+        if options.as_measured and options.conservative:
+            raise ImuAllanError('--conservative is a way to tune, --as-measured does without: '
+                                'give one of the two')
         self.tunings: dict[str, FilterTuning] = {}
         if not options.as_measured and self.aiding_s is not None:
             self._tune(self.aiding_s)
