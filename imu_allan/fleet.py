@@ -142,7 +142,7 @@ def population(results: Mapping[str, Result]) -> Population:
     topics = {(result.source.files, result.source.topic) for result in results.values()}
     one_model = all(count == 1 for files, count in Counter(
         files for files, _ in topics).items() if files)
-    found = [outlier for outlier in _faults(results) if one_model or outlier.fault != 'missing']
+    found = [outlier for outlier in faults(results) if one_model or outlier.fault != 'missing']
     quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
                   if one_model and (key != MEAN or axis.startswith('gyro'))]
     samples = {quantity: _sample(results, *quantity) for quantity in quantities}
@@ -171,13 +171,14 @@ def population(results: Mapping[str, Result]) -> Population:
     return Population(units, tuple(traits), tuple(found), unseen, one_model)
 
 
-def _faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
+def faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
+    """Yield the axes that do not measure."""
     for axis in AXES:
         having = sum(axis in result.axes for result in results.values())
         for name, result in results.items():
             if axis not in result.axes:
                 # An axis that most units lack is not missing in any.
-                if 2 * having > len(results):
+                if 2 * having >= len(results):
                     yield Outlier(name, axis, None, 'missing')
             elif (fault := result.axes[axis].fault) is not None:
                 yield Outlier(name, axis, None, fault)

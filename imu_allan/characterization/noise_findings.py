@@ -128,8 +128,8 @@ def length_findings(axes: Mapping[str, AxisResult], timeline: Timeline,
     live = {name: axis for name, axis in axes.items() if axis.goodness_of_fit.p_value is not None}
     if not live and timeline.samples < SHORTEST_RECORD:
         return [finding('short_recording', severity='act', samples=timeline.samples,
-                        needed=SHORTEST_RECORD, duration_s=timeline.duration_s)]
-    return [finding('short_recording', (name,), coefficient=key, duration_s=timeline.duration_s,
+                        needed=SHORTEST_RECORD, duration_s=timeline.rest_s)]
+    return [finding('short_recording', (name,), coefficient=key, duration_s=timeline.rest_s,
                     severity='act' if key == 'noise_density' else 'know')
             for key, hidden in (('noise_density', ()), ('rate_random_walk', unclear))
             for name, axis in live.items()

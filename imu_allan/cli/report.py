@@ -56,9 +56,8 @@ def _print_comparison(results: 'Mapping[str, Result]', *, in_detail: bool) -> No
 
     console = console_of()
     if in_detail:
-        differences = compare(results)
-        console.print(*wrapped(verdicts(differences), console.width), '',
-                      difference_table(differences), sep='\n')
+        console.print(*wrapped(verdicts(results), console.width), '',
+                      difference_table(compare(results)), sep='\n')
     else:
         console.print(population_table(Fleet(results), console.width))
 

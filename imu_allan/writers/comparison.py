@@ -16,6 +16,7 @@ from math import copysign, hypot
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.fleet import faults
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
@@ -71,9 +72,13 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
     return differences
 
 
-def verdicts(differences: Sequence[Difference]) -> list[str]:
-    """Say by result, sensor and term what differs by more than the intervals, and sum up."""
-    known = [one for one in differences if all(c.value is not None or c.upper95 is not None
+def verdicts(results: Mapping[str, Result]) -> list[str]:
+    """
+    Say what differs by more than the intervals, by result, sensor and term, and sum up.
+
+    Axes that do not measure come first: of these no coefficient differs.
+    """
+    known = [one for one in compare(results) if all(c.value is not None or c.upper95 is not None
                                                for c in one.coefficients)]
     said = []
     for other, sensor, key in product(dict.fromkeys(one.other for one in known), SENSORS, TERMS):
@@ -86,7 +91,9 @@ def verdicts(differences: Sequence[Difference]) -> list[str]:
     chance = ('; of two recordings of one sensor, one coefficient in twenty does so by chance'
               if said else '')
     beyond_all = sum(abs(one.in_intervals or 0.0) > 1 for one in known)
-    return [*said, f'{beyond_all} of {counted(len(known), "coefficient")} '
+    dead = [f'{spoken(one.axis)} of {printable(one.unit)} is {one.fault}'
+            for one in faults(results)]
+    return [*dead, *said, f'{beyond_all} of {counted(len(known), "coefficient")} '
             f'{"differs" if beyond_all == 1 else "differ"} by more than the 95 % intervals'
             + chance]
 

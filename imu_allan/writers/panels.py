@@ -317,6 +317,10 @@ def draw_signal(panel: Axes, axes: Mapping[str, AxisResult], result: Result) -> 
         panel.locator_params(axis='y', nbins=4)
         heading = f'mean of each segment less the mean of all [{typeset(shown)}]'
         colour = colours['ink']
+    elif not notes and result.temperature is None:
+        # A joint result knows nothing over time but gaps and motion.
+        panel.set_axis_off()
+        return
     else:
         panel.set_yticks([])
         panel.set_facecolor(colours['good'])

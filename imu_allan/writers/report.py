@@ -63,14 +63,13 @@ def report_html(result: Result) -> str:
 
 def comparison_html(results: Mapping[str, Result]) -> str:
     """Return a report that compares several results with the first of them."""
-    differences = compare(results)
     named_results = {printable(name): result for name, result in results.items()}
     drawn = [chart for axis in AXES if (chart := charts.comparison_chart(named_results, axis))]
     summaries = [{'name': name, 'source': ' '.join(wording.names_of(result)),
                   'facts': _facts(result)} for name, result in named_results.items()]
-    return _page('comparison.html', shown=shown, verdicts=verdicts(differences), charts=drawn,
+    return _page('comparison.html', shown=shown, verdicts=verdicts(results), charts=drawn,
                  title='Allan deviation compared', summaries=summaries,
-                 differences=differences, version=__version__)
+                 differences=compare(results), version=__version__)
 
 
 def _page(template: str, **context: Any) -> str:

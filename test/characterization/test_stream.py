@@ -100,6 +100,9 @@ def test_drops_gaps_and_knocks_leave_the_coefficients_alone(hours):
     faulty = characterized(hurt[index], index)
 
     assert faulty.timeline.missing == samples - len(index)
+    # The length that is too short is the time at rest, as in the verdict.
+    assert {found.values['duration_s'] for found in faulty.warnings
+            if found.code == 'short_recording'} <= {faulty.timeline.rest_s}
     assert sum(gap.duration_s > 9 for gap in faulty.timeline.gaps) == 3
     assert len(faulty.timeline.motion) == 5
     for knock, span in zip(knocks, faulty.timeline.motion, strict=True):

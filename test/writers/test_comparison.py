@@ -7,9 +7,16 @@ from math import sqrt
 import re
 
 from browser import faults_of, needs_browser, pages_in_print
-from exact_results import axis_result, build_result, only, UNSEEN, with_coefficient
+from exact_results import (
+    axis_result,
+    build_result,
+    only,
+    UNSEEN,
+    with_coefficient,
+    without,
+)
 from imu_allan.fleet import Outlier
-from imu_allan.noise.terms import AXES
+from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Inspection
 from imu_allan.writers.comparison import compare, difference_table, verdicts
 from imu_allan.writers.fleet import (
@@ -22,7 +29,7 @@ from imu_allan.writers.fleet import (
     sentence,
 )
 import numpy as np
-from on_terminal import shown
+from on_terminal import FLAT, shown
 import pytest
 from whole_lines import refused, Varying
 
@@ -48,9 +55,10 @@ def test_a_value_differs_by_its_distance_from_a_bound(value, interval, bound, le
     (down,) = compare({'known': known, 'bounded': bounded})
     (up,) = compare({'bounded': bounded, 'known': known})
     assert (down.in_intervals, up.in_intervals) == (least, least if least is None else -least)
-    assert verdicts([down])[:-1] == ([] if least is None or abs(least) < 1 else [
-        f'N of gyro x of bounded is {"below" if value > 0 else "above"} that of known '
-        '(at least 2 intervals)'])
+    assert verdicts({'known': known, 'bounded': bounded})[:-1] == (
+        [] if least is None or abs(least) < 1 else [
+            f'N of gyro x of bounded is {"below" if value > 0 else "above"} that of known '
+            '(at least 2 intervals)'])
 
 
 def test_results_with_nothing_in_common_are_refused(result):
@@ -70,15 +78,22 @@ def test_what_differs_is_said_first_and_of_all_axes_together():
             k if name == 'gyro_x' else 1e-5)}) for name in AXES}
         return build_result(axes=axes)
 
-    *said, last = verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1.1e-3, 3e-5)}))
+    *said, last = verdicts({'A': unit(1e-3, 1e-5), 'B': unit(1.1e-3, 3e-5)})
     assert said == [
         Varying('N of all gyroscope axes of B is 10 % above that of A (<number> intervals)'),
         Varying('K of gyro x of B is 3 times that of A (<number> intervals)'),
         Varying('N of all accelerometer axes of B is 10 % above that of A (<number> intervals)')]
     assert last == ('7 of 12 coefficients differ by more than the 95 % intervals; of two '
                     'recordings of one sensor, one coefficient in twenty does so by chance')
-    assert verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)})) == [
+    assert verdicts({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)}) == [
         '0 of 12 coefficients differ by more than the 95 % intervals']
+
+
+def test_an_axis_that_does_not_measure_is_named(result):
+    still = axis_result('gyro_y', {}, dict.fromkeys(TERMS), curve=FLAT)
+    died = without(replace(result, axes={**result.axes, 'gyro_y': still}), 'gyro_z')
+    *said, _ = verdicts({'before': result, 'after': died})
+    assert said == ['gyro y of after is constant', 'gyro z of after is missing']
 
 
 @pytest.fixture(scope='module')

@@ -123,6 +123,11 @@ def test_the_strip_shows_a_warm_up_gaps_and_motion_at_their_time(result):
         shown = line.get_ydata()
         assert shown[0] - shown[1] == pytest.approx(degrees(0.5))
         assert sum(shown) == pytest.approx(0, abs=1e-9)
+    # A joint result has no means over time.
+    joint = plot.overview_figure(replace(
+        with_axes(result, signal=None), timeline=Timeline(100.0, 100, 10_000.0)))
+    strips = [panel for panel in joint.axes if panel.get_xlabel() == 'time [h]']
+    assert [strip.axison for strip in strips] == [False, False]
 
 
 def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, recwarn):
