@@ -62,7 +62,7 @@ class Coefficient:
     observable: bool
     value: float | None
     ci95: Interval | None
-    upper95: float | None
+    upper95: NotNegative | None
     observable_in_s: NotNegative | None = None
     ci_halves_in_s: NotNegative | None = None
     between: NotNegative | None = None

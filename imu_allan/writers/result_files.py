@@ -70,7 +70,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     result = Result.from_dict(document, str(path))
     for name, axis in result.axes.items():
         if not _consistent(axis, name):
-            raise ImuAllanError(f'{path}.axes.{brief(name)}: names, units, intervals or '
+            raise ImuAllanError(f'{path}.axes.{brief(name)}: names, units, numbers or '
                                 'lengths do not fit together; analyze the recording again')
     return result
 
@@ -127,6 +127,7 @@ def _consistent(axis: AxisResult, name: str) -> bool:
     return (axis.coefficients.keys() == TERMS.keys()
             and all(found.unit == TERMS[key].unit(quantity) and (
                 None not in (found.value, found.ci95) if found.observable else found.value is None)
+                and (key == 'rate_ramp' or (found.value or 0.0) >= 0)
                 for key, found in axis.coefficients.items())
             and all(len(own) == 1 for own in lengths)
             and (model is None or (axis.curve.tau_s != () and model.from_s <= model.to_s))

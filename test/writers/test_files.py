@@ -27,7 +27,7 @@ from whole_lines import refused
 MADE_BY = 'written by: imu_allan analyze RECORDING --json FILE'
 NO_RESULT = ('not an imu_allan result file (no "schema": "imu_allan.result/1"); write one with: '
              'imu_allan analyze RECORDING --json FILE')
-CONTRADICTS = ('axes.gyro_x: names, units, intervals or lengths do not fit together; analyze the '
+CONTRADICTS = ('axes.gyro_x: names, units, numbers or lengths do not fit together; analyze the '
                'recording again')
 DENSITY = 'axes.gyro_x.coefficients.noise_density'
 
@@ -53,7 +53,8 @@ def test_a_file_that_is_no_result_is_refused(tmp_path, content, complaint):
 
 @pytest.mark.parametrize(('path', 'value', 'complaint'), [
     ('axes.gyro_x.unit', 'deg/s', CONTRADICTS), (f'{DENSITY}.value', None, CONTRADICTS),
-    (f'{DENSITY}.observable', False, CONTRADICTS),
+    (f'{DENSITY}.observable', False, CONTRADICTS), (f'{DENSITY}.value', -1e-3, CONTRADICTS),
+    (f'{DENSITY}.upper95', -1e-3, f'{DENSITY}.upper95: expected zero or above'),
     (f'{DENSITY}.value', '1', f'{DENSITY}.value: expected float, found str'),
     (f'{DENSITY}.value', 1e300, f'{DENSITY}.value: 1e+300 is not below 1e+60'),
     ('axes.gyro_x.curve.adev', [1.0], CONTRADICTS), ('axes.gyro_x.curve.edf', [], CONTRADICTS),
