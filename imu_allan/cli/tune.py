@@ -8,12 +8,7 @@ import json
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import (
-    add_recording_options,
-    duration,
-    recording_options,
-    refuse_reading_options,
-)
+from imu_allan.cli import arguments
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import TUNING
 from imu_allan.writers.terminal import console_of, progress_bar, wrapped
@@ -37,9 +32,9 @@ def register(verbs: Any) -> None:
                     'measured coefficients and ten times K reach, and the unaided drift.')
     parser.add_argument('result', metavar='RESULT',
                         help='result file of analyze --json RESULT, or the folder of --output')
-    parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
+    parser.add_argument('--aiding', metavar='TIME', type=arguments.duration, default=0.1,
                         help='time between two corrections of the filter (default: 0.1s)')
-    parser.add_argument('--coast', metavar='TIME', type=duration, default=60.0,
+    parser.add_argument('--coast', metavar='TIME', type=arguments.duration, default=60.0,
                         help='the longest unaided time (default: 60s)')
     parser.add_argument('--bias', choices=('random_walk', 'gauss_markov'), default='random_walk',
                         help='what the filter takes its bias for (default: random_walk)')
@@ -47,7 +42,7 @@ def register(verbs: Any) -> None:
                         help='run filters with the numbers over another recording, of another '
                              'day or with the motors on')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
-    add_recording_options(parser)
+    arguments.add_recording_options(parser)
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON; - prints it')
     parser.set_defaults(run=run, inputs=('result', 'verify'), outputs={'json': TUNING})
 
@@ -59,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.result_files import load_result
 
     if args.verify is None:
-        refuse_reading_options(args, 'the recording that --verify names')
+        arguments.refuse_reading_options(args, 'the recording that --verify names')
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter is unaided for at least one interval')
@@ -96,7 +91,8 @@ def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict
     if is_result(args.verify):
         raise ImuAllanError(f'--verify {args.verify}: is a result, without samples to run filters '
                             'over; name the recording itself')
-    choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
+    choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate),
+                    arguments.recording_options(args))
     with choice.opened(args.verify) as recording, progress_bar(
             args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
         records = records_of(recording, choice, progress)

@@ -58,11 +58,16 @@ def test_content_counts_not_the_name_nor_a_link_and_a_pipe_is_not_waited_for(tmp
         assert refusal(tmp_path / name) == 'no such file or directory'
 
 
-def test_columns_are_named_of_tables_alone(tmp_path):
+def test_columns_are_named_of_tables_alone_and_fields_of_messages(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', block(10))
     with refused(f'{path}: --columns is for CSV files; --gyro and --accel name the fields of '
                  'messages'):
         open_recording(path, options=RecordingOptions(columns=(('gyro_x', 'w'),)))
+    table = tmp_path / 'a.csv'
+    table.write_text('time_s,gyro_x\n0,1\n0.01,2\n')
+    with refused(f'{table}: --gyro and --accel name fields of messages, or a unit alone as '
+                 ':deg/s; --columns names the columns of a CSV file'):
+        open_recording(table, options=RecordingOptions(gyro='gyro_x deg/s'))
 
 
 @pytest.mark.parametrize('name', ['ä日.mcap', 'line\nbreak \x1b[31m.mcap'])

@@ -163,6 +163,9 @@ class CsvRecording(FileRecording):
     def _found_columns(self) -> Columns:
         """Find and parse the header line; set where the samples begin."""
         options = self.options
+        if options.gyro is not None or options.accel is not None:
+            raise ImuAllanError('--gyro and --accel name fields of messages, or a unit alone as '
+                                ':deg/s; --columns names the columns of a CSV file')
         with self._stored.open('rb') as file:
             header = self._found_header(file)
             behind = file.tell()
