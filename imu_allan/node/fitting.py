@@ -86,7 +86,7 @@ class Fitting:
         def work() -> _Fit:
             started, busy = time.monotonic(), time.thread_time()
             found, records = fitted(snapshot)
-            result = run.shown_terms.judged(found, more_comes=not to_the_end)
+            result = run.looks.judged(found, more_comes=not to_the_end)
             messages = result_messages(result, self._node_name, stamp, aiding_s, coast_s,
                                        accel_frame_id)
             comparisons = self._standards.judge(found, records, run.datasheet_looks)

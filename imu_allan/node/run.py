@@ -7,7 +7,7 @@ It remembers its IMU, which is recognized by its frame_id and by the rate of its
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 import secrets
@@ -230,22 +230,25 @@ class LaneSnapshot(NamedTuple):
 
 @dataclass(eq=False)
 class Lane:
-    """What a run takes in from one topic, and what the node remembers about its samples."""
+    """What a run takes in from one topic; the fields are what is saved of it."""
 
     characterization: Characterization
-    unit: AccelerationUnit = field(default_factory=AccelerationUnit)
     known: Known = field(default_factory=Known)
     seen: Seen = field(default_factory=Seen)
-    fed: int = 0
-    stamp_ns: int = 0
-    error: str = ''  # why the latest messages cannot be used
-    taken_s: float = 0.0  # `left_out_s` of the timeline when it last took messages
+    in_g: bool | None = None  # the unit of its acceleration, as decided when it was saved
+
+    def __post_init__(self) -> None:
+        self.unit = AccelerationUnit(self.in_g)
+        self.fed = 0  # messages it has been given
+        self.stamp_ns = 0  # of the last message
+        self.error = ''  # why the latest messages cannot be used
+        self._taken_s = 0.0  # `left_out_s` of the timeline when it last took messages
 
     @property
     def leaves_out_all(self) -> bool:
         """Return whether the timeline has excluded all messages for their rate for long enough."""
         return (self.characterization.timeline.at_other_rate
-                and self.characterization.timeline.left_out_s - self.taken_s > LONGEST_LOOK_S)
+                and self.characterization.timeline.left_out_s - self._taken_s > LONGEST_LOOK_S)
 
     @property
     def span_s(self) -> float:
@@ -281,7 +284,7 @@ class Lane:
             for known in self.unit(block):
                 self._pass_on(known, self.characterization)
         if not self.characterization.timeline.at_other_rate:
-            self.taken_s = self.characterization.timeline.left_out_s
+            self._taken_s = self.characterization.timeline.left_out_s
         elif self.leaves_out_all:
             # The rate may have changed before it was known, or by barely more than allowed.
             self.known.take_over(self.characterization.summary())
@@ -295,19 +298,25 @@ class Lane:
 
 @dataclass(eq=False)
 class Run:
-    """One lane, or one for the gyroscope and one for the accelerometer."""
+    """
+    One lane, or one for the gyroscope and one for the accelerometer.
 
-    lanes: Sequence[Lane]
-    # Both are updated by the thread that fits.
-    shown_terms: ShownTerms = field(default_factory=ShownTerms)
-    datasheet_looks: DatasheetLooks = field(default_factory=DatasheetLooks)
+    The fields are what is saved of it. The thread that fits updates `looks` and
+    `datasheet_looks`.
+    """
+
+    lanes: list[Lane]
+    looks: ShownTerms = field(default_factory=ShownTerms)  # terms shown so far
     # Makes its folder unique: another node may have begun with the same sample.
     mark: str = field(default_factory=lambda: secrets.token_hex(2))
-    fitted: int = 0  # messages in the last fit
-    checkpointed: int = 0  # messages in the last checkpoint
-    saved: Result | None = None  # what the files that were last written show
-    resumed: bool = False  # whether it has samples from before the node was started
-    over: bool = False  # whether another run has replaced it
+
+    def __post_init__(self) -> None:
+        self.datasheet_looks = DatasheetLooks()
+        self.fitted = 0  # messages in the last fit
+        self.checkpointed = 0  # messages in the last checkpoint
+        self.saved: Result | None = None  # what the files that were last written show
+        self.resumed = False  # whether it has samples from before the node was started
+        self.over = False  # whether another run has replaced it
 
     @property
     def fed(self) -> int:
@@ -347,31 +356,12 @@ class Setup:
 
 
 @dataclass
-class _Kept(Record):
-    """What is saved of a lane."""
-
-    characterization: Characterization
-    known: Known
-    seen: Seen
-    in_g: bool | None
-
-
-@dataclass
-class _KeptRun(Record):
-    """What is saved of a run."""
-
-    looks: ShownTerms
-    lanes: list[_Kept]
-    mark: str
-
-
-@dataclass
-class Saved(Record):
+class Saved:
     """What is saved: the run, and that of another IMU which may replace it."""
 
     setup: Setup
     boot: str
-    runs: list[_KeptRun]
+    runs: list[Run]
 
 
 def pack(runs: Sequence[Run], setup: Setup) -> State:
@@ -379,9 +369,9 @@ def pack(runs: Sequence[Run], setup: Setup) -> State:
     for lane in (lane for run in runs for lane in run.lanes):
         lane.characterization.timeline.pending.join()
     # Messages whose unit is undecided are not saved, so they must not count as seen.
-    return state_of(Saved(setup, boot_id(), [_KeptRun(run.shown_terms, [
-        _Kept(lane.characterization, lane.known, Seen() if lane.unit.waiting else lane.seen,
-              lane.unit.decision) for lane in run.lanes], run.mark) for run in runs]))
+    return state_of(Saved(setup, boot_id(), [replace(run, lanes=[
+        replace(lane, in_g=lane.unit.decision, seen=Seen() if lane.unit.waiting else lane.seen)
+        for lane in run.lanes]) for run in runs]))
 
 
 def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> list[Run]:
@@ -394,40 +384,33 @@ def unpack(state: Mapping[str, NDArray[Any]], setup: Setup) -> list[Run]:
         raise UnusableState('settings', 'it was made with other parameters or of another topic, '
                             f'{", ".join(saved.setup.topics)}')
     same_boot = bool(saved.boot) and saved.boot == boot_id()
-    runs = []
-    for kept_run in saved.runs:
-        run = new_run(setup, shown_terms=kept_run.looks, mark=kept_run.mark)
-        for lane, kept in zip(run.lanes, kept_run.lanes, strict=True):
-            _resume(lane, kept, same_boot)
-        runs.append(run)
-    return runs
+    for run in saved.runs:
+        run.lanes = [kept if _resume(kept, same_boot) else lane
+                     for kept, lane in zip(run.lanes, new_run(setup).lanes, strict=True)]
+    return saved.runs
 
 
-def _resume(lane: Lane, kept: _Kept, same_boot: bool) -> None:
-    """Let a new lane go on as the saved one, unless that has no usable samples."""
+def _resume(lane: Lane, same_boot: bool) -> bool:
+    """Make a saved lane ready to go on; return whether it has usable samples."""
     try:
         if same_boot:
             # Unless its driver restarts, the IMU has stayed switched on.
-            kept.characterization.break_run()
+            lane.characterization.break_run()
         else:
-            kept.characterization.power_on()
+            lane.characterization.power_on()
             # Every driver is new after a boot and must not count as another power-on.
-            kept.known.publishers = []
-        if kept.characterization.summary().frame_id is None:
-            return
+            lane.known.publishers = []
+        return lane.characterization.summary().frame_id is not None
     except ImuAllanError:
-        return
-    lane.characterization, lane.known, lane.seen = kept.characterization, kept.known, kept.seen
-    if lane.unit.decision is None:
-        lane.unit = AccelerationUnit(kept.in_g)
+        return False
 
 
-def new_run(setup: Setup, **kept: Any) -> Run:
-    """Return a run without samples; `kept` is what a resumed one has besides."""
+def new_run(setup: Setup) -> Run:
+    """Return a run without samples."""
     # A unit that is named is converted with the messages; else it is found from the samples.
     in_g = False if {'accel_unit', 'accel_field'} & setup.reading.keys() else None
-    return Run([Lane(Characterization(kind='topic', topic=topic, options=setup.options),
-                     AccelerationUnit(in_g)) for topic in setup.topics], **kept)
+    return Run([Lane(Characterization(kind='topic', topic=topic, options=setup.options), in_g=in_g)
+                for topic in setup.topics])
 
 
 def boot_id() -> str:

@@ -318,11 +318,11 @@ def test_what_one_look_finds_by_chance_is_not_said_unless_it_is_the_last(result)
 def test_a_look_after_a_restart_is_one_more_and_not_the_first(result):
     setup = Setup(('/imu',))
     run = new_run(setup)
-    published(run.shown_terms, at(result, 800.0, False))
+    published(run.looks, at(result, 800.0, False))
     # As often as it is started anew: a run is one.
     for seconds, observable in ((900.0, False), (1000.0, False), (2800.0, True), (2900.0, True)):
         [run] = unpack(decode_state(encode_state(pack([run], setup))), setup)
-        assert published(run.shown_terms, at(result, seconds, seconds > 900)
+        assert published(run.looks, at(result, seconds, seconds > 900)
                          ).observable == observable
 
 
