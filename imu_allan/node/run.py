@@ -200,11 +200,10 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
     """Yield messages in parts of `most`, the last of which may be smaller."""
     part: list[ImuBlock] = []
     for block in blocks:
-        first = 0
-        while first < len(block):
-            last = first + most - messages(part)
-            part.append(block.part(slice(first, last)))
-            first = last
+        while len(block):
+            room = most - messages(part)
+            part.append(block.part(slice(room)))
+            block = block.part(slice(room, None))
             if messages(part) == most:
                 yield part
                 part = []
