@@ -124,21 +124,23 @@ def diagnostics_message(node_name: str, stamp: Time,
     """Return all statuses of the node."""
     array = DiagnosticArray()
     array.header.stamp = stamp
-    statuses: dict[str, tuple[str, Status]] = {}
-    for facts, summary in topics:
-        which = f' {facts.half}' if facts.half else ''
-        statuses |= {f'reception{which}': (facts.topic, _reception(facts)),
-                     f'timeline{which}': (facts.topic, _timeline(facts, summary))}
-    facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
-    levels = {'ok': OK, 'warn': WARN, 'error': ERROR}
-    statuses |= {'estimation': (both, _estimation(facts, result)),
-                 'storage': (both, _storage(facts)),
-                 **{one.standard: (both, (levels[one.level], one.message, {}))
-                    for one in facts.comparisons}}
-    for name, (topic, (level, message, values)) in statuses.items():
+
+    def add(name: str, topic: str, level: bytes, message: str, values: Mapping[str, object]
+            ) -> None:
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message, hardware_id=topic,
             values=key_values(values)))
+
+    for facts, summary in topics:
+        which = f' {facts.half}' if facts.half else ''
+        add(f'reception{which}', facts.topic, *_reception(facts))
+        add(f'timeline{which}', facts.topic, *_timeline(facts, summary))
+    facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
+    add('estimation', both, *_estimation(facts, result))
+    add('storage', both, *_storage(facts))
+    for one in facts.comparisons:
+        add(one.standard, both, {'ok': OK, 'warn': WARN, 'error': ERROR}[one.level], one.message,
+            {})
     return array
 
 
