@@ -210,8 +210,7 @@ def _reception(facts: Facts) -> Status:
               'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
               'paused': facts.paused, 'temperature_topic': facts.temperature_topic or None,
               'temperature_c': facts.temperature_c,
-              'temperature_age_s': None if facts.temperature_at is None else
-              time.monotonic() - facts.temperature_at}
+              'temperature_age_s': _age_s(facts.temperature_at)}
     return *_worst(reception_conditions(facts),
                    f'receiving {facts.received_hz:.4g} messages per second'), values
 
@@ -327,5 +326,8 @@ def _storage(facts: Facts) -> Status:
                'no state file: a crash or a reboot begins a new run')
     return ERROR if errors else OK, errors[0] if errors else message, {
         'state_file': facts.state_file or None,
-        'checkpoint_age_s': None if facts.checkpointed_at is None else
-        time.monotonic() - facts.checkpointed_at}
+        'checkpoint_age_s': _age_s(facts.checkpointed_at)}
+
+
+def _age_s(at: float | None) -> float | None:
+    return None if at is None else time.monotonic() - at
