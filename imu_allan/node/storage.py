@@ -10,7 +10,6 @@ What has the right checksum was written by this package, so its arrays are not c
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
-import contextlib
 from contextlib import suppress
 from datetime import datetime, timezone
 import fcntl
@@ -106,7 +105,7 @@ class StateFile:
 
     def remove(self) -> None:
         """Remove the state, so that the next start begins a new run."""
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self.path.unlink(missing_ok=True)
 
     def load(self) -> State | None:
@@ -133,12 +132,12 @@ class StateFile:
         now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:
-            with contextlib.suppress(FileNotFoundError):
+            with suppress(FileNotFoundError):
                 self.path.rename(aside)
         except OSError as error:
             raise ImuAllanError(f'{self.path}: cannot be renamed ({error.strerror}); move it '
                                 'away or choose another state_file') from error
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             kept = self.path.parent.glob(f'{escape(self.path.name)}.*Z')
             for path in sorted(kept, key=lambda path: path.name[-len(now):])[:-20]:
                 path.unlink()
