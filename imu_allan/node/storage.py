@@ -201,29 +201,28 @@ class Storage:
 
     def resumed_or_new_run(self) -> list[Run]:
         """Return the run from the state file, or a new one; and that of another IMU, if any."""
+        runs = [new_run(self._setup)]
         if self._state_file is None:
-            return [new_run(self._setup)]
+            return runs
         try:
-            state = self._state_file.load()
-            run, *others = ([new_run(self._setup)] if state is None
-                            else unpack(state, self._setup))
+            if (state := self._state_file.load()) is not None:
+                runs = unpack(state, self._setup)
         except UnusableState as error:
             aside = self._state_file.keep_aside(error.reason)
             self._note_aside(f'{self._state_file.path} could not be resumed from, {error}; it',
                              aside)
-            return [new_run(self._setup)]
-        longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
-        if not longest_s:
-            # Nothing to go on with, as at first or after a reset.
-            return [run, *others]
-        for each in (run, *others):
-            each.resumed = True
-        self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
-        if self._unasked:
-            self._facts.resumed += (', of a run that has ended without saving; call ~/reset to '
-                                    'begin anew')
-        self._log.info(self._facts.resumed)
-        return [run, *others]
+        longest_s = max(lane.characterization.summary().timeline.duration_s
+                        for lane in runs[0].lanes)
+        # Without samples there is nothing to go on with, as at first or after a reset.
+        if longest_s:
+            for run in runs:
+                run.resumed = True
+            unasked = (', of a run that has ended without saving; call ~/reset to begin anew'
+                       if self._unasked else '')
+            self._facts.resumed = (f'resumed {duration(longest_s)} of data from '
+                                   f'{self._state_file.path}{unasked}')
+            self._log.info(self._facts.resumed)
+        return runs
 
     def keep_aside(self, run: Run, why: UnusableState) -> None:
         """Rename the state of the run so that the next one cannot overwrite it."""
