@@ -325,12 +325,10 @@ class Storage:
             return True
         try:
             self.save(run, picture=picture).result()
-        except TooEarly as error:
-            self._log.info(str(error))
-        except IncompleteSave as error:
+        except (TooEarly, IncompleteSave) as error:
             # All that the result permits is written, so the run is over.
             self._log.info(str(error))
-            self.incomplete = True
+            self.incomplete |= isinstance(error, IncompleteSave)
         except ImuAllanError:
             return False
         return True
