@@ -128,7 +128,8 @@ class CharacterizationNode(AnyExecutorNode):
                 try:
                     executor.spin_once(wait_s)
                 except ExternalShutdownException:
-                    raise
+                    # ROS has been shut down, but the run can still be saved.
+                    break
                 except Exception as error:
                     # Such as a request that rclpy cannot read: it must not end a run of days.
                     self._log.error(f'a request failed ({type(error).__name__}: {error}); the '
@@ -136,9 +137,6 @@ class CharacterizationNode(AnyExecutorNode):
                     time.sleep(0.05)
                 if time.monotonic() - self._last_tick >= wait_s:
                     wait_s = self._tick()
-        except ExternalShutdownException:
-            # ROS has been shut down, but the run can still be saved.
-            pass
         except Exception as error:
             # Whatever the error, it must not lose days of samples.
             well = False
