@@ -263,16 +263,15 @@ class CharacterizationNode(AnyExecutorNode):
 
     # -- services -------------------------------------------------------------------------------
 
-    def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _save(self, *_: object) -> Trigger.Response:
         with self._lock:
             self._catch_up(time.monotonic())
             future = self._storage.save(self._run)
         failure = self._failure(future)
-        response.success = not failure
-        response.message = failure or '\n'.join(map(str, future.result()))
-        return response
+        return Trigger.Response(success=not failure,
+                                message=failure or '\n'.join(map(str, future.result())))
 
-    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset(self, *_: object) -> Trigger.Response:
         with self._lock:
             self._take(time.monotonic())
             self._runs.begin_anew()
@@ -280,25 +279,22 @@ class CharacterizationNode(AnyExecutorNode):
             self._facts.resumed = ''
             self._fitting.fit(self._run)
             future = self._storage.checkpoint(self._runs.saved)
-        response.success, response.message = True, 'a new run has begun'
-        if future is not None and (failure := self._failure(future)):
-            response.success = False
-            response.message += f', but {failure}'
-        self._log.info(response.message, 'reset')
-        return response
+        failure = '' if future is None else self._failure(future)
+        message = 'a new run has begun' + (f', but {failure}' if failure else '')
+        self._log.info(message, 'reset')
+        return Trigger.Response(success=not failure, message=message)
 
-    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _pause(self, request: SetBool.Request, _: SetBool.Response) -> SetBool.Response:
         with self._lock:
             self._catch_up(time.monotonic())
             changes = request.data != self._facts.paused
             for reception in self._receptions:
                 reception.facts.paused = request.data
-        response.success = True
-        response.message = ('paused: samples are passed over' if request.data else
-                            'going on; the pause counts as a gap' if changes else 'not paused')
+        message = ('paused: samples are passed over' if request.data else
+                   'going on; the pause counts as a gap' if changes else 'not paused')
         if changes:
-            self._log.info(response.message)
-        return response
+            self._log.info(message)
+        return SetBool.Response(success=True, message=message)
 
     def _failure(self, future: 'Future[Any]') -> str:
         """Wait for the worker while samples are taken; return what went wrong, if anything."""
