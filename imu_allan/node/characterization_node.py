@@ -189,8 +189,7 @@ class CharacterizationNode(AnyExecutorNode):
     def _catch_up(self, now: float) -> int:
         """Take in all messages so far; return their number on the busiest topic."""
         taken = self._take(now)
-        for number, lane in enumerate(self._run.lanes):
-            self._thermometer.feed(number, lane.characterization)
+        self._thermometer.feed([lane.characterization for lane in self._run.lanes])
         for number, by_publisher in enumerate(taken):
             for publisher, blocks in by_publisher:
                 self._runs.take(number, publisher, blocks)

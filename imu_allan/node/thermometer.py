@@ -3,6 +3,7 @@
 """Readings of a thermometer beside the IMU, from a topic of their own."""
 
 from collections import deque
+from collections.abc import Iterable
 import time
 
 from imu_allan.block import ImuBlock, joined
@@ -75,14 +76,10 @@ class Thermometer:
             self._facts.temperature_at = time.monotonic()
             self._facts.temperature_c = float(in_celsius(readings[-1].samples[-1:, 0])[0])
 
-    def feed(self, lane: int, characterization: Characterization) -> None:
-        """Pass the readings to a lane, once the clock that places its samples is known."""
-        waiting = self._waiting[lane]
-        if not waiting:
-            return
-        # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
-        clock = characterization.timeline.clock or characterization.summary().clock
-        if clock is None:
-            return
-        characterization.take_temperature(*readings_of(joined([*waiting]), clock))
-        waiting.clear()
+    def feed(self, lanes: Iterable[Characterization]) -> None:
+        """Pass the readings to each lane once the clock that places its samples is known."""
+        for waiting, lane in zip(self._waiting, lanes, strict=True):
+            # The final decision costs nothing; a preliminary one takes a copy of waiting samples.
+            if waiting and (clock := lane.timeline.clock or lane.summary().clock):
+                lane.take_temperature(*readings_of(joined([*waiting]), clock))
+                waiting.clear()
