@@ -182,10 +182,7 @@ class OutputTopics:
         self._node = node
 
     def publish(self, by_topic: Mapping[str, Any]) -> None:
-        """Publish the messages of a result by topic, unless they are the same as before."""
-        # Compare as text, so that NaN equals NaN.
-        if str(by_topic) == str(self._published):
-            return
+        """Publish the messages of a result by topic."""
         self._published = by_topic
         for topic, message in by_topic.items():
             self._of_result[topic].publish(message)
