@@ -117,7 +117,6 @@ class SimulatorNode(Node):
                     self._publisher.publish(message)
                     break
                 except RCLError:
+                    # The queue of the KEEP_ALL writer is full, though `publish` waits up to 0.1 s.
                     if not self.context.ok():
                         raise
-                    # The queue of the KEEP_ALL writer is full, though `publish` waits up to 0.1 s.
-                    continue
