@@ -147,7 +147,7 @@ class Runs:
             return
         if topic.holding not in (None, publisher):
             silent = abs(last_ns - int(topic.held[-1].receive_ns[-1])) > alone_ns
-            if not silent and topic.publisher not in (publisher, topic.holding):
+            if not silent and topic.publisher != topic.holding:
                 topic.pass_over(blocks)
                 return
             # No more messages will be added to those that are held.
