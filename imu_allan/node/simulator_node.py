@@ -87,22 +87,19 @@ class SimulatorNode(Node):
 
     def _publish_all(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
         began = served = time.monotonic()
+        pace = self._rate * self._speed
         while not stop.requested and self._next < self._total:
             now = time.monotonic()
             if now - served >= _SERVICE_PERIOD_S:
                 served = now
                 executor.spin_once(timeout_sec=0)
+            due = min(self._total, int((now - began) * pace) + 1 if pace else inf)
+            if due <= self._next:
+                wait = began + self._next / pace - time.monotonic()
+                time.sleep(max(0.0, min(wait, _SERVICE_PERIOD_S)))
+                continue
             # Publish for some milliseconds between two checks of services and clock.
-            count = min(256, self._total - self._next)
-            if self._speed:
-                pace = self._rate * self._speed
-                due = int((now - began) * pace) + 1 - self._next
-                if due <= 0:
-                    wait = began + self._next / pace - time.monotonic()
-                    time.sleep(max(0.0, min(wait, _SERVICE_PERIOD_S)))
-                    continue
-                count = min(count, due)
-            self._publish(int(count), stop)
+            self._publish(int(min(256, due - self._next)), stop)
 
     def _publish(self, count: int, stop: StopRequest) -> None:
         index = np.arange(self._next, self._next + count)
