@@ -88,7 +88,7 @@ class Facts:
     publisher_names: Sequence[str] = ()  # if there are several
     refused: list[str] = field(default_factory=list)  # why publishers are not matched
     silent_s: float = 0.0  # since the last message, or since the wait for the first one began
-    silence_why: str | None = None  # how the log explains it; None before it is worth a line
+    silence_why: str = ''  # how the log explains it; empty before it is worth a line
     received_hz: float = 0.0  # recent
     cpu_s: float | None = None  # recent CPU time of the whole process per message
     longest_hold_s: float = 0.0  # longest time between two calls of `take`, since the last report

@@ -107,9 +107,8 @@ class LogOfChanges:
         self._overrun = facts.recent['overrun'] > 0
         self._see('reception', diagnostics.reception_conditions(facts))
         why = facts.silence_why
-        if why is None:
-            if self._silence:
-                self._log.info(f'messages come on {self._topic}')
+        if self._silence and not why:
+            self._log.info(f'messages come on {self._topic}')
             self._silence = ''
         elif why != self._silence and self._log.warning(
                 f'no message on {self._topic} for {facts.silent_s:.0f} s{why}',

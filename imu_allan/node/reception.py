@@ -301,7 +301,7 @@ class Reception:
         facts.silent_s = now - self.last_message
         # Longer than a Wi-Fi dropout, yet short enough to notice a dead sensor early. Chosen by
         # judgment.
-        facts.silence_why = self._cause_of_silence() if facts.silent_s > 5.0 else None
+        facts.silence_why = self._cause_of_silence() if facts.silent_s > 5.0 else ''
         facts.recent.see(now, {'lost': facts.lost, 'malformed': facts.malformed,
                                'overrun': facts.overrun})
         return new
