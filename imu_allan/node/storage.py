@@ -103,11 +103,6 @@ class StateFile:
         """Release the lock."""
         self._lock.close()
 
-    def remove(self) -> None:
-        """Remove the state, so that the next start begins a new run."""
-        with suppress(OSError):
-            self.path.unlink(missing_ok=True)
-
     def load(self) -> State | None:
         """Read the last saved state; return None if there is no file."""
         try:
@@ -179,7 +174,9 @@ class Storage:
         """Release the state file; remove it if the run is over and nobody asked for the file."""
         if self._state_file is not None:
             if is_over and self._unasked:
-                self._state_file.remove()
+                # The next start begins a new run.
+                with suppress(OSError):
+                    self._state_file.path.unlink()
             self._state_file.close()
 
     # -- the state file -------------------------------------------------------------------------
