@@ -156,18 +156,19 @@ class Known(Record):
 
     def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
         """Return the rate of messages by the clock; 0 if there are too few."""
-        pace = _pace(self._distinct(blocks))
+        _, pace = self._paced(blocks)
         return 0.0 if pace is None else 1e9 / pace.interval_ns
 
-    def _distinct(self, blocks: Sequence[ImuBlock]) -> Ints:
-        """Return the stamps in order; a repeated message counts once."""
-        return np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
+    def _paced(self, blocks: Sequence[ImuBlock]) -> tuple[Ints, Pace | None]:
+        """Return the stamps in order, repeated ones once, and their pace unless they are few."""
+        stamps = np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
+        pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
+        return stamps, pace if pace is not None and pace.interval_ns > 0 else None
 
     def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
         if not self.rate_hz:
             return 0.0
-        stamps = self._distinct(blocks)
-        pace = _pace(stamps)
+        stamps, pace = self._paced(blocks)
         if pace is None:
             return 0.0
         # Compares intervals, as the timeline does.
@@ -183,12 +184,6 @@ class Known(Record):
     def _stamps(self, blocks: Sequence[ImuBlock]) -> Ints:
         return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
                                for block in blocks])
-
-
-def _pace(stamps: Ints) -> Pace | None:
-    """Return the pace of distinct stamps; None if there are too few."""
-    pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
-    return pace if pace is not None and pace.interval_ns > 0 else None
 
 
 def messages(blocks: Sequence[ImuBlock]) -> int:
