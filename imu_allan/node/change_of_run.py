@@ -10,7 +10,7 @@ once it has lasted long enough. If the first IMU returns, its run goes on.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import groupby
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.diagnostics import Facts
@@ -108,11 +108,9 @@ class Runs:
         # Messages queued while the node was busy may be from one IMU first, then from another.
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
-            ends = [number for number, (one, other) in enumerate(pairwise(part), 1)
-                    if one.frame_id != other.frame_id]
+            by_frame = [list(same) for _, same in groupby(part, lambda block: block.frame_id)]
             # One change is judged by what follows it; two sensors in turn are judged together.
-            change = ends[0] if len(ends) == 1 and publisher != MIXED else 0
-            for some in filter(None, (part[:change], part[change:])):
+            for some in by_frame if len(by_frame) == 2 and publisher != MIXED else [part]:
                 self._take_part(topic, publisher, some)
 
     def _take_part(self, topic: _Topic, publisher: int, blocks: Sequence[ImuBlock]) -> None:
