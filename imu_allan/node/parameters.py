@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of both nodes, with descriptions, ranges, and reasons for refusal."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 import difflib
 import math
@@ -145,6 +146,15 @@ SIMULATOR = (
             'are matched', 0, 100),
 )
 """Parameters of `imu_simulator`."""
+
+
+@contextmanager
+def naming_parameter(name: str) -> Iterator[None]:
+    """Let an error about the value of a parameter begin with its name."""
+    try:
+        yield
+    except ImuAllanError as error:
+        raise ImuAllanError(f'parameter {name}: {error}') from error
 
 
 def at_home(path: str | PathLike[str], parameter: str = '') -> Path:

@@ -7,8 +7,7 @@ import time
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
-from imu_allan.errors import ImuAllanError
-from imu_allan.node.parameters import declare, SIMULATOR, TOPIC, warn_of_unknown
+from imu_allan.node.parameters import declare, naming_parameter, SIMULATOR, TOPIC, warn_of_unknown
 from imu_allan.node.program import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.sensor.noise_model import find_model, load_model
@@ -37,10 +36,8 @@ class SimulatorNode(Node):
         super().__init__('imu_simulator')
         self._values = values = declare(self, SIMULATOR)
         warn_of_unknown(self)
-        try:
+        with naming_parameter('model'):
             self._model = load_model(find_model(values['model']))
-        except ImuAllanError as error:
-            raise ImuAllanError(f'parameter model: {error}') from error
         self._rate: float = values['rate']
         self._speed: float = values['speed']
         self._total = round(values['duration'] * self._rate) if values['duration'] else inf

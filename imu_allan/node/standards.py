@@ -8,8 +8,7 @@ from typing import Literal
 
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.datasheet import check, check_state, CheckState, next_look, Verdict, zero_bias
-from imu_allan.errors import ImuAllanError
-from imu_allan.node.parameters import at_home
+from imu_allan.node.parameters import at_home, naming_parameter
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
@@ -56,17 +55,10 @@ class Standards:
     """The standards that the parameters of the node name."""
 
     def __init__(self, spec_file: str = '', reference: str = '') -> None:
-        self._specification: NoiseModel | None = None
-        self._reference: Result | None = None
-        try:
-            if spec_file:
-                parameter = 'spec_file'
-                self._specification = load_model(at_home(spec_file))
-            if reference:
-                parameter = 'reference'
-                self._reference = load_result(at_home(reference))
-        except ImuAllanError as error:
-            raise ImuAllanError(f'parameter {parameter}: {error}') from error
+        with naming_parameter('spec_file'):
+            self._specification = load_model(at_home(spec_file)) if spec_file else None
+        with naming_parameter('reference'):
+            self._reference = load_result(at_home(reference)) if reference else None
 
     def judge(self, result: Result, records: Sequence[FinishedRecord | None],
               looks: DatasheetLooks) -> list[Comparison]:
