@@ -209,19 +209,17 @@ def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Dec
     """Return the decoder that the parameters ask for, or name the one that is wrong."""
     type_name = values[parameter]
     # Fields of the other sensor are not in these messages.
-    asked = {part: values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')
-             if half is None or part in (half, 'stamp')}
-    asked |= {name: values[name] for name in ('gyro_unit', 'accel_unit')}
-    given: dict[str, Any] = {name: text for name, text in asked.items() if text}
+    options: dict[str, Any] = {part: values[f'{part}_field'] or None
+                               for part in ('gyro', 'accel', 'stamp')
+                               if half is None or part in (half, 'stamp')}
     try:
-        return imu_messages(type_name, types_of(type_name),
-                            options=RecordingOptions(**given)).decoder()
+        return imu_messages(type_name, types_of(type_name), options=RecordingOptions(
+            **options, gyro_unit=values['gyro_unit'] or None,
+            accel_unit=values['accel_unit'] or None)).decoder()
     except ImuAllanError as error:
-        text = str(error)
-        for option, name in (
-                ('--gyro unit', 'gyro_unit'), ('--accel unit', 'accel_unit'),
-                ('--gyro', 'gyro_field'), ('--accel', 'accel_field'), ('--stamp', 'stamp_field')):
-            text = text.replace(option, name)
+        # The options of a command have parameters of nearly the same name.
+        text = re.sub(r'--(gyro|accel|stamp)( unit)?', lambda option: (
+            f'{option[1]}_unit' if option[2] else f'{option[1]}_field'), str(error))
         # One of a field or unit begins with the name of its own parameter.
         named = text.partition(' ')[0] in values
         raise ImuAllanError(f'parameter {text}' if named else
