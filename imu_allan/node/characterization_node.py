@@ -173,14 +173,14 @@ class CharacterizationNode(AnyExecutorNode):
             count = self._catch_up(now)
             self._worker.hand_out()
             if self._fitting.due(now):
-                self._fitting.publish_or_fit(now, self._run, max(
+                self._fitting.publish_or_fit(now, self._runs.run, max(
                     reception.last_message for reception in self._receptions))
             if self._storage.checkpoint_due(now, self._runs.saved):
                 self._storage.checkpoint(self._runs.saved)
             if now - self._last_report >= REPORT_S:
                 self._thermometer.look_beside()
                 self._report(now)
-                self._fitting.draw_if_watched(self._run)
+                self._fitting.draw_if_watched(self._runs.run)
             elapsed_s, self._last_tick = now - self._last_tick, now
         # Take a quarter of the queue in one tick, as far as the latest rate predicts it.
         quarter_s = elapsed_s * (QUEUE_MESSAGES // 4) / max(count, 1)
@@ -189,7 +189,7 @@ class CharacterizationNode(AnyExecutorNode):
     def _catch_up(self, now: float) -> int:
         """Take in all messages so far; return their number on the busiest topic."""
         taken = self._take(now)
-        self._thermometer.feed([lane.characterization for lane in self._run.lanes])
+        self._thermometer.feed([lane.characterization for lane in self._runs.run.lanes])
         for number, by_publisher in enumerate(taken):
             for publisher, blocks in by_publisher:
                 self._runs.take(number, publisher, blocks)
@@ -222,7 +222,7 @@ class CharacterizationNode(AnyExecutorNode):
         if watched or waited_for or now - self._last_look >= UNWATCHED_S:
             self._last_look = now
             topics = [(reception.facts, self._look(now, lane, reception))
-                      for reception, lane in zip(self._receptions, self._run.lanes, strict=True)]
+                      for reception, lane in zip(self._receptions, self._runs.run.lanes, strict=True)]
             if watched:
                 self._outputs.diagnostics.publish(diagnostics_message(
                     self.get_fully_qualified_name(), self.get_clock().now().to_msg(), topics,
@@ -245,10 +245,6 @@ class CharacterizationNode(AnyExecutorNode):
 
     # -- change of runs --------------------------------------------------------------------------
 
-    @property
-    def _run(self) -> Run:
-        return self._runs.run
-
     def _leave(self, run: Run, why: UnusableState) -> None:
         """Save a run that another one replaces, and keep its state aside."""
         self._storage.save(run)
@@ -265,7 +261,7 @@ class CharacterizationNode(AnyExecutorNode):
     def _save(self, *_: object) -> Trigger.Response:
         with self._lock:
             self._catch_up(time.monotonic())
-            future = self._storage.save(self._run)
+            future = self._storage.save(self._runs.run)
         failure = self._failure(future)
         return Trigger.Response(success=not failure,
                                 message=failure or '\n'.join(map(str, future.result())))
@@ -276,7 +272,7 @@ class CharacterizationNode(AnyExecutorNode):
             self._runs.begin_anew()
             self._forget_run()
             self._facts.resumed = ''
-            self._fitting.fit(self._run)
+            self._fitting.fit(self._runs.run)
             future = self._storage.checkpoint(self._runs.saved)
         failure = '' if future is None else self._failure(future)
         message = 'a new run has begun' + (f', but {failure}' if failure else '')
@@ -327,9 +323,9 @@ class CharacterizationNode(AnyExecutorNode):
                 # Plots come last: there may be no time for them.
                 lambda: (self._runs.unproven is None
                          or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
-                lambda: self._storage.save_files_at_end(self._run),
+                lambda: self._storage.save_files_at_end(self._runs.run),
                 self._worker.finish)]
-            if (result := self._run.saved or self._fitting.latest) is not None:
+            if (result := self._runs.run.saved or self._fitting.latest) is not None:
                 for line in closing_lines(result, self._values['aiding_interval'],
                                           self._values['coast']):
                     self._log.info(line)
