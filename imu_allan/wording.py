@@ -195,7 +195,7 @@ def ranged(values: Iterable[float], say: Callable[[float], str]) -> str:
 
 
 def spoken(axis: str) -> str:
-    """Return the name of an axis in a sentence: ``gyro x`` for ``gyro_x``."""
+    """Return the name of an axis or a term in a sentence: ``gyro x`` for ``gyro_x``."""
     return axis.replace('_', ' ')
 
 

@@ -307,7 +307,7 @@ def _estimation(facts: Facts, result: Result | None) -> Status:
         if following is not None:
             seconds, axis, key = following
             values |= {'next_observable': f'{axis} {key}', 'next_observable_in_s': seconds}
-            message = (f'{key.replace("_", " ")} of {spoken(axis)} expected to be observable in '
+            message = (f'{spoken(key)} of {spoken(axis)} expected to be observable in '
                        f'{duration(seconds)}')
         elif result.axes:
             message = (f'{hidden} coefficients are below what this data can show' if hidden

@@ -153,7 +153,7 @@ class LogOfChanges:
                     figures = f' {value} ({low} .. {high})'
                 else:
                     figures = '' if found.upper95 is None else f' (below {found.upper95:.2g})'
-                changed.setdefault((found.observable, f'{key.replace("_", " ")} ({found.unit})'),
+                changed.setdefault((found.observable, f'{spoken(key)} ({found.unit})'),
                                    []).append(f'{spoken(name)}{figures}')
         for (observable, what), axes in sorted(changed.items(), key=lambda item: not item[0][0]):
             if observable:
@@ -204,7 +204,7 @@ def progress_line(result: Result, timeline: Timeline, *, comes: bool = True) -> 
     """Describe the samples, what is observable and, while messages come, what is expected next."""
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
     used = f', {duration(timeline.rest_s)} of it at rest' if timeline.motion else ''
-    shown = [f'{key.replace("_", " ")} of {count}'
+    shown = [f'{spoken(key)} of {count}'
              for key, count in diagnostics.observable_axes(result).items() if count]
     text = (f'{counted(timeline.samples, "sample")}{rate} in {duration(timeline.duration_s)}'
             f'{used}; observable of {counted(len(result.axes), "axis", "axes")}: '
@@ -213,5 +213,4 @@ def progress_line(result: Result, timeline: Timeline, *, comes: bool = True) -> 
     if following is None or not comes:
         return text
     seconds, axis, key = following
-    return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '
-            f'{duration(seconds)}')
+    return f'{text}; next: {spoken(key)} of {spoken(axis)} in about {duration(seconds)}'

@@ -18,7 +18,7 @@ from imu_allan.finding_messages import message_of, of_axis
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
 from imu_allan.tuning.tune import tune
-from imu_allan.wording import duration, SENSORS
+from imu_allan.wording import duration, SENSORS, spoken
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -108,7 +108,7 @@ def _curve_message(axes: Iterable[AxisResult | None]) -> Float64MultiArray:
 
 
 def _not_observable(key: str, coefficient: Coefficient) -> str:
-    text = f'{key.replace("_", " ")} not observable yet'
+    text = f'{spoken(key)} not observable yet'
     if coefficient.observable_in_s is not None:
         text += f', expected in {duration(coefficient.observable_in_s)}'
     return text
