@@ -18,7 +18,7 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.change_of_run import Runs
-from imu_allan.node.diagnostics import diagnostics_message, timeline_counts
+from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
 from imu_allan.node.fitting import Fitting
 from imu_allan.node.log import Log
 from imu_allan.node.output_topics import OutputTopics
@@ -221,8 +221,8 @@ class CharacterizationNode(AnyExecutorNode):
                          for reception in self._receptions)
         if watched or waited_for or now - self._last_look >= UNWATCHED_S:
             self._last_look = now
-            topics = [(reception.facts, self._look(now, lane, reception))
-                      for reception, lane in zip(self._receptions, self._runs.run.lanes, strict=True)]
+            topics = [self._look(now, *each) for each in zip(
+                self._receptions, self._runs.run.lanes, strict=True)]
             if watched:
                 self._outputs.diagnostics.publish(diagnostics_message(
                     self.get_fully_qualified_name(), self.get_clock().now().to_msg(), topics,
@@ -230,8 +230,9 @@ class CharacterizationNode(AnyExecutorNode):
                 for reception in self._receptions:
                     reception.facts.longest_hold_s = 0.0
 
-    def _look(self, now: float, lane: Lane, reception: Reception) -> TimelineSummary:
-        """Summarize the timeline, and log what has changed."""
+    def _look(self, now: float, reception: Reception, lane: Lane
+              ) -> tuple[Facts, TimelineSummary]:
+        """Summarize the timeline of a topic, and log what has changed."""
         facts = reception.facts
         snapshot = lane.snapshot()
         facts.update_error = snapshot.finish()
@@ -241,7 +242,7 @@ class CharacterizationNode(AnyExecutorNode):
         facts.timeline = summary.timeline
         facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         reception.changes.see_timeline(now, facts, summary)
-        return summary
+        return facts, summary
 
     # -- change of runs --------------------------------------------------------------------------
 
