@@ -109,20 +109,19 @@ class Runs:
         most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
         for part in in_parts(blocks, most):
             by_frame = [list(same) for _, same in groupby(part, lambda block: block.frame_id)]
-            # One change is judged by what follows it; two sensors in turn are judged together.
-            for some in by_frame if len(by_frame) == 2 and publisher != MIXED else [part]:
-                self._take_part(topic, publisher, some)
+            if publisher != MIXED:
+                # One change is judged by what follows it, two sensors in turn together.
+                for some in by_frame if len(by_frame) == 2 else [part]:
+                    self._take_part(topic, publisher, some)
+            elif len(by_frame) > 1:
+                # The publishers have different frame_ids: the timeline keeps to the first one.
+                self._feed(topic, part)
+            else:
+                topic.pass_over(part)
 
     def _take_part(self, topic: _Topic, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages that are judged together."""
         last_ns = int(blocks[-1].receive_ns[-1])
-        if publisher == MIXED:
-            # If the publishers have different frame_ids, the timeline keeps to the first one.
-            if len({block.frame_id for block in blocks}) == 1:
-                topic.pass_over(blocks)
-            else:
-                self._feed(topic, blocks)
-            return
         lane = self._lane(topic)
         if topic.publisher is None and lane.known.frame_id is None:
             topic.publisher = publisher
@@ -177,7 +176,8 @@ class Runs:
             return
         is_new = publisher != topic.publisher
         if is_new and publisher is not None:
-            if topic.publisher is not None and topic.heard_ns >= int(held[0].receive_ns[0]):
+            if topic.heard_ns >= int(held[0].receive_ns[0]):
+                # The one in use has gone on meanwhile.
                 topic.strangers.add(publisher)
                 topic.pass_over(held)
                 return
