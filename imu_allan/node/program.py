@@ -37,8 +37,7 @@ def run_program(program: str, node_class: str, args: Sequence[str] | None = None
               'all of them are described in docs/ros_interface.md', sep='\n')
         return 0
     if wrong := _refused(given):
-        _fail(program, wrong)
-        return 2
+        return _fail(program, wrong, 2)
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)
@@ -140,6 +139,6 @@ def _node(args: list[str], node_class: str) -> Iterator[Any]:
         try_shutdown()
 
 
-def _fail(program: str, message: str) -> int:
+def _fail(program: str, message: str, status: int = 1) -> int:
     print(f'{program}: {" ".join(message.split())}', file=sys.stderr)
-    return 1
+    return status
