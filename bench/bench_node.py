@@ -123,7 +123,7 @@ def write_state(path: str, rate: float, hours: float) -> None:
     for number in range(-round(hours * 3600 * rate / BLOCK), 0):
         run.lanes[0].update([block_of(number, rate, random_numbers)])
     file = StateFile(path)
-    file.save(pack(run, setup))
+    file.save(pack([run], setup))
     file.close()
 
 
