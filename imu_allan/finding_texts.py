@@ -423,8 +423,8 @@ WORDS: Mapping[str, Words] = {
         'low-pass',
         'Sensor or driver filter the fast noise; the coefficients are those below the filter.',
         'The spectrum falls towards the highest frequencies.',
-        says=('the spectrum falls above {edge_hz:.3g} Hz (a low-pass in sensor or driver, or '
-              'noise that no term describes); the coefficients are fitted below',
+        says=('no term describes the spectrum above {edge_hz:.3g} Hz (a low-pass in sensor or '
+              'driver, or other noise); the coefficients are fitted below',
               'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
               'driver). Its effective window is {window_s:.3g} s')),
     'gauss_markov': Words(

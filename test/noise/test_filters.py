@@ -180,6 +180,26 @@ def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_reported(gain, more
         gain * RATE_HZ / (2 * np.pi * np.sqrt(1 - gain)), rel=0.4)
 
 
+@pytest.mark.parametrize(('gain', 'count'), [(0.4, 6000), (0.5, 60_000), (0.17, 60_000)])
+def test_fast_filters_are_seen_in_short_and_long_records(gain, count):
+    """Only what is below an unexplained top was described, or half of the level in long ones."""
+    white = [np.random.default_rng([seed, count]).standard_normal(count + 3000)
+             for seed in range(3)]
+    for axis in several(unbiased(np.array(white).T, gain)[3000:].T * (1 - gain / 2), 1.0):
+        assert axis.high_passed_hz == pytest.approx(
+            gain / (2 * np.pi * np.sqrt(1 - gain)), rel=0.15)
+        assert axis.coefficients[N].value == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize('corner', [0.15, 0.2])
+def test_a_filter_that_no_term_describes_makes_a_poor_fit(corner):
+    """N was that far below an unexplained top: 400 times too low, in half of them silently."""
+    white = [np.random.default_rng(seed).standard_normal(4000) for seed in range(4)]
+    steep = butter(2, 2 * corner, 'high', output='sos')
+    for axis in several(sosfilt(steep, white)[:, 2000:], 100.0):
+        assert not axis.goodness_of_fit.acceptable
+
+
 def test_no_configuration_and_no_check_takes_such_an_axis_for_good():
     rates = [unbiased(sensor(seed), 0.01, 20) for seed in (11, 12, 13)]
     accelerations = [sensor(seed)[:len(rates[0])] + gravity for seed, gravity in (

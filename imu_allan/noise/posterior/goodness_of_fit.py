@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from imu_allan.arrays import Array, Ints
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior import likelihood
-from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, Rows, Spectra
+from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, N, Rows, Spectra
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
 import numpy as np
@@ -34,6 +34,8 @@ class Goodness:
     p_value, misfit : float
         Chi-square probability of the half-octave residuals, and their largest relative misfit
         beyond sampling error.
+    described : float
+        Share of the noise that lies below the edge.
     divisors : ndarray, shape (groups,)
         Divisors for the degrees of freedom, from misfit and the uncertain shape of a filter.
 
@@ -41,6 +43,7 @@ class Goodness:
 
     p_value: float
     misfit: float
+    described: float
     divisors: Array
 
 
@@ -84,7 +87,20 @@ def goodness_of_fit(spectra: Spectra, row: Rows) -> Goodness:
     divisors = _of_filter(spectra, row, residuals)
     if p_value < DESCRIBED:
         divisors = _local_chi_square(normal)[residuals.octave] * divisors
-    return Goodness(p_value, float(max(misfit.max(), 0.0)), divisors)
+    return Goodness(p_value, float(max(misfit.max(), 0.0)),
+                    _described(spectra, row, residuals.expected), divisors)
+
+
+def _described(spectra: Spectra, row: Rows, expected: Array) -> float:
+    """Return the share of the noise below the edge, white at the level there; 1 without one."""
+    axis, edge = row.spectrum[0], int(row.edge[0])
+    frequency, white = spectra.frequency, spectra.design[axis, N]
+    if edge == len(frequency):
+        return 1.0
+    at = expected[edge - 1] / white[edge - 1]
+    # The median passes over a vibration. A spectrum that falls is unexplained all the same.
+    above = np.median(spectra.power[axis, edge:] / white[edge:])
+    return float(1 / (1 + max(above / at, 1.0) * (frequency[-1] / frequency[edge] - 1)))
 
 
 def _residuals(spectra: Spectra, row: Rows) -> _Residuals:

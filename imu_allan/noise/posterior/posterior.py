@@ -73,6 +73,8 @@ class Posterior:
     p_value, misfit : float
         Chi-square probability of the half-octave residuals of the best model, and their largest
         relative misfit beyond sampling error.
+    described : float
+        Share of the noise that it describes, below its edge.
     edge : int or None
         Group from which on the best model leaves the spectrum unexplained, if any.
     change : Change
@@ -83,6 +85,7 @@ class Posterior:
     models: tuple[Drawn, ...]
     p_value: float
     misfit: float
+    described: float
     edge: int | None = None
     change: Change = STEADY
 
@@ -108,7 +111,7 @@ def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpec
     best = [fitted.rows.take(fitted.row_axis == axis).best() for axis in axes]
     goodness = [goodness_of_fit(fitted.spectra, row) for row in best]
     models = _drawn(_refitted(fitted, [own.divisors for own in goodness]), axes)
-    return [Posterior(own, fit.p_value, fit.misfit,
+    return [Posterior(own, fit.p_value, fit.misfit, fit.described,
                       int(row.edge[0]) if row.edge[0] < len(spectra.frequency) else None)
             for own, fit, row in zip(models, goodness, best, strict=True)]
 

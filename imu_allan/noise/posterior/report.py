@@ -61,7 +61,7 @@ class AxisReport:
     between : dict
         Standard deviation between parts of the record beyond their errors, by key of `TERMS`.
     shallow : bool
-        Whether the model describes only the slowest part of the band.
+        Whether the model describes little of the noise.
 
     """
 
@@ -156,7 +156,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         random_walk_unclear=not identified and drifting > thresholds.REPORTED,
         bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
-        shallow=edge_hz is not None and edge_hz * dt < thresholds.LEAST_DESCRIBED)
+        shallow=posterior.described < thresholds.LEAST_DESCRIBED)
 
 
 def _warm_up(warming: ReportedTrend) -> WarmUp:

@@ -133,6 +133,13 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
     for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
         yield Model((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
     yield from _filtered(spectra, axis, start, dt, (*slow, LOW), {})
+    # Only a fast high-pass, which hides what is below it, takes the place of all slow noise.
+    if start.white[0] < 0.5 * start.white.max():
+        high = spectra.tables.high_pass
+        level = _white(spectra, axis, start, int(start.white.argmax()))
+        for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 9):
+            for more in ((), (Q,)):
+                yield Model((N, HIGH, *more), _with(x, {HIGH: corner, N: level}))
     table, keys = spectra.tables.low_pass, [shape.key for shape in LOW_PASSES]
     for edge in _edges(nu):
         below = _with(x, {N: _white(spectra, axis, start, int(np.searchsorted(nu, nu[edge] / 3)))})

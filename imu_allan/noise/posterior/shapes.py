@@ -214,8 +214,8 @@ class Tables:
 def _tables(layout: bytes) -> Tables:
     nu, step, length = np.frombuffer(layout).reshape(3, -1)
     terms = tuple(table_of((shape,), nu) for shape in FREE_SHAPES)
-    low_pass = table_of(LOW_PASSES, nu, Response(nu, step, length))
-    high_pass = table_of(HIGH_PASSES, nu)
+    response = Response(nu, step, length)
+    low_pass, high_pass = (table_of(own, nu, response) for own in (LOW_PASSES, HIGH_PASSES))
     ends = [np.broadcast_arrays(table.first, table.last, low_pass.first)[:2]
             for table in (*terms, low_pass, high_pass)]
     return Tables(terms, low_pass, high_pass, np.stack(ends, axis=-1))
@@ -259,8 +259,8 @@ def _folded(nu: float, means: float) -> tuple[Array, Array]:
     nodes, weights = np.sqrt(0.6) * np.arange(-1.0, 2.0), np.array([5.0, 8.0, 5.0]) / 18
     # A band is an eighth of an octave wide, unless it is cut at half the sample rate.
     inside = np.minimum(nu * 2.0**(nodes * min(1 / 16, float(np.log2(0.5 / nu)))), 0.4999)
-    # Below a fiftieth of the rate of the means, aliasing is negligible.
-    if nu * means < 0.02:
+    # Slower, aliasing is negligible: even behind a high-pass, the ends of the record leak more.
+    if nu * means < 0.002:
         return inside, weights
     # Aliases beyond the fourth hold 2 % of the power.
     fold = np.arange(-min(4, (means - 1) // 2), min(4, means // 2) + 1)

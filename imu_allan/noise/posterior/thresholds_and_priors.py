@@ -34,8 +34,8 @@ DESCRIBED = 0.01
 part of the spectrum counts less, and intervals widen."""
 TOLERATED_MISFIT = 0.05
 """Tolerated relative misfit. A million samples reject 1 %, which is harmless; 5 % may matter."""
-LEAST_DESCRIBED = 1 / 64
-"""With an edge below this (cycles per sample), most of the noise is left unexplained."""
+LEAST_DESCRIBED = 1 / 32
+"""Least share of the noise below an edge: with less, what the model describes may not matter."""
 
 # ----------------------------------------------------------------------------- model uncertainties
 
