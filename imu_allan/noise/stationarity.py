@@ -197,11 +197,11 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     for line in lines_hz:
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
     level = powers.level(axis)
+    # Quantization noise leaks from both ends of a block into all of its bands.
+    density = np.where(keep, level * powers.step, 0.0)
+    peak = np.maximum.accumulate(density[::-1])[::-1]
+    keep &= density > _LEAK * peak / powers.block
     if keep.any():
-        # Quantization noise leaks from both ends of a block into all of its bands.
-        density = np.where(keep, level * powers.step, 0.0)
-        peak = np.maximum.accumulate(density[::-1])[::-1]
-        keep &= density > _LEAK * peak / powers.block
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
             # Bands above twice the level of the fastest octave hold drift, not white noise.

@@ -5,7 +5,7 @@
 import tracemalloc
 import warnings
 
-from characterized import B, characterized, K, N, one_axis, several, taken_in
+from characterized import B, characterized, ends, K, N, one_axis, several, taken_in
 from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, Quantity
@@ -23,7 +23,7 @@ HALF_S = 3600.0
 
 
 @pytest.mark.parametrize(('numerator', 'denominator', 'width'), [
-    (np.ones(2) / 2, [1.0], 2), (np.ones(40) / 40, [1.0], 40), ([0.1], [1.0, -0.9], 57),
+    (np.ones(2) / 2, [1.0], 2), (np.ones(40) / 40, [1.0], 40), ([0.1], [1.0, -0.9], 33),
     (*butter(2, 0.4), 2)])
 def test_model_behind_a_low_pass_is_exact_at_every_averaging_time(numerator, denominator, width):
     axis = characterize(lfilter(numerator, denominator, WHITE)[200:], RATE)
@@ -71,6 +71,24 @@ def test_the_misfit_of_a_ramp_without_noise_is_no_number():
         characterize(1e-3 * np.arange(60_000) / RATE, RATE)
     words = 'poor_fit: no sum of noise terms comes within a factor of ten of this spectrum. -> '
     assert words in [str(one.message)[:len(words)] for one in warned]
+
+
+@pytest.mark.parametrize('count', [5000, 60_000])
+@pytest.mark.parametrize('rate', [1.0, 137.0, 1000.0])
+def test_a_result_scales_with_the_unit_of_time(rate, count):
+    samples = simulate({N: 1e-3, B: 3e-3, K: 1e-3}, count, RATE, seed=5)
+    one, other = (characterized(samples, hz)[0].coefficients for hz in (RATE, rate))
+    for key, power in ((N, -0.5), (B, 0.0), (K, 0.5)):
+        np.testing.assert_allclose(ends(other[key]), (rate / RATE)**power * np.array(
+            ends(one[key])), rtol=1e-9)
+
+
+@pytest.mark.parametrize('period', [
+    [0, 1], [0, 1, 0, -1], np.sin(np.arange(8) * np.pi / 4), np.arange(100)])
+@pytest.mark.parametrize('count', [2000, 60_000])
+def test_samples_that_repeat_exactly_are_no_noise(period, count):
+    axis, _ = characterized(np.resize(1e-3 * np.array(period), count), RATE)
+    assert not axis.goodness_of_fit.acceptable
 
 
 @pytest.mark.parametrize(('step', 'severity'), [(0.015, 'know'), (0.03, 'act'), (0.1, 'act')])

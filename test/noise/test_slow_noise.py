@@ -206,7 +206,7 @@ def test_even_random_walks_are_known_as_well_as_they_can_be_and_a_few_jumps_less
         jumping.append(white + np.cumsum(jumps))
     walks = each(even, K)
     assert sum(walk.observable for walk in walks) >= 18
-    assert sum(width(walk) > 1.8 for walk in walks) <= 4
+    assert sum(width(walk) > 2.0 for walk in walks) <= 4
     # Four of twenty outside come once in 60 such tests, and these are fixed.
     assert sum(holds(walk, WALK) for walk in walks) >= 17
     assert sum(width(walk) > 1.4 for walk in each(jumping[:10], K)) >= 8

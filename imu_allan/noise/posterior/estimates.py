@@ -25,7 +25,7 @@ from imu_allan.noise.posterior.likelihood import (
     TIME,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, TERM_SHAPES, WHITE
+from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, LOW_PASSES, TERM_SHAPES, WHITE
 from imu_allan.noise.terms import TERMS
 from imu_allan.noise.trends.kinds import Found, waveforms
 from imu_allan.noise.trends.leakage import Waveform
@@ -345,7 +345,8 @@ def window_of(model: Drawn, edge: int | None, dt: float) -> float:
     """Return the width of the boxcar that attenuates white noise like a model below an edge."""
     below = model.spectra.frequency[:edge]
     if model.has(LOW):
-        passed = np.exp(likelihood.log_low_pass(model.spectra, model.row)[:len(below)])
+        # Groups of means also lack what folds into them elsewhere.
+        passed = LOW_PASSES[int(model.row.low_pass[0])].power(below * dt, model.row.x[0, LOW])
         at = int(np.argmin(np.abs(passed - 0.9)))
         if passed[at] < 1:
             # Samples are averages over dt already: the widths add in quadrature.

@@ -49,8 +49,9 @@ def narrow_bands(frequency: Array, step: Array, whole: Bools) -> Ints:
     # Keep the 48 slowest coefficients single, because they distinguish the slow terms.
     slowest = np.flatnonzero(whole)
     slowest = slowest[np.argsort(frequency[slowest], kind='stable')][:48]
-    # Within an eighth of an octave, the spectra of the terms change by a few percent.
-    band = np.floor(8 * np.log2(frequency)).astype(np.int64)
+    # Within an eighth of an octave, the spectra of the terms change by a few percent. Relative to
+    # the highest frequency, bands do not depend on the unit of time.
+    band = np.ceil(8 * np.log2(frequency / frequency.max())).astype(np.int64)
     # The key separates what must not be averaged: the signed coefficients of the whole-record
     # part, and blocks with different steps.
     key = (64 * band + np.log2(step).astype(np.int64)) * 2 + whole
@@ -97,6 +98,8 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float 
 
     `sections`: at least one. `interpolated`: share of the samples that are interpolated.
     """
+    # Rounding hides less; samples that repeat exactly would have no noise beside their lines.
+    rounding = 1e-26 * np.max([section.power.max(axis=1) for section in sections], axis=0)
     parts = []
     for number, section in enumerate(sections):
         step_s, index = section.step * dt, np.arange(section.first, section.last)
@@ -119,7 +122,8 @@ def bins_of(sections: Sequence[SpectrumSection], dt: float, interpolated: float 
         ones = np.ones(len(index))
         parts.append(Bins(
             frequency=index / (2 * section.length * step_s),
-            dof=measured * section.blocks * ones, power=section.power[:, used],
+            dof=measured * section.blocks * ones,
+            power=np.maximum(section.power[:, used], rounding[:, None]),
             design=np.stack((quantization, white, flicker, step_s * random_walk), axis=1),
             coefficient=coefficient, ramp=-ramp**2 if is_block else ramp**2,
             whole=np.full(len(index), not is_block), step=section.step * ones,
