@@ -18,8 +18,6 @@ from imu_allan.node.log import Log
 from imu_allan.node.reception import MIXED
 from imu_allan.node.run import (
     FEWEST_MESSAGES,
-    in_parts,
-    Known,
     Lane,
     LOOK_S,
     messages,
@@ -104,10 +102,8 @@ class Runs:
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages of one publisher on a topic."""
         topic = self._topics[number]
-        rate_hz = self._lane(topic).known.rate_hz
         # Messages queued while the node was busy may be from one IMU first, then from another.
-        most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
-        for part in in_parts(blocks, most):
+        for part in self._lane(topic).known.parts(blocks):
             by_frame = [list(same) for _, same in groupby(part, lambda block: block.frame_id)]
             if publisher != MIXED:
                 # One change is judged by what follows it, two sensors in turn together.
@@ -194,17 +190,17 @@ class Runs:
             self._log.info(f'the messages on {topic.facts.topic} are of the IMU of the run again: '
                            'it goes on')
             lane.power_on()
-        elif self._is_started_anew(topic, lane.known) if was is None else is_new and lane.fed:
+        elif self._is_started_anew(topic, lane) if was is None else is_new and lane.fed:
             self._log.info(f'the driver on {topic.facts.topic} was started anew: the IMU may have '
                            'been switched off and on, so its mean is another one from here on')
             lane.power_on()
         lane.known.publishers = []
         self._feed(topic, held)
 
-    def _is_started_anew(self, topic: _Topic, known: Known) -> bool:
+    def _is_started_anew(self, topic: _Topic, lane: Lane) -> bool:
         """Return whether the driver, by its publishers, restarted while the node was down."""
-        there = topic.offers()
-        return bool(there and known.publishers) and there.isdisjoint(known.publishers)
+        there, before = topic.offers(), lane.known.publishers
+        return bool(there and before) and there.isdisjoint(before)
 
     def _give_to_another_run(self, topic: _Topic, why: UnusableState, held: list[ImuBlock],
                              is_new: bool) -> None:

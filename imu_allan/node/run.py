@@ -104,6 +104,21 @@ class Known(Record):
         other.rate_hz = other.measured_hz(blocks) or None
         return other
 
+    def parts(self, blocks: Sequence[ImuBlock]) -> Iterator[list[ImuBlock]]:
+        """Yield messages in parts to judge in turn, or together if their rate is unknown."""
+        most = max(round(LOOK_S * self.rate_hz), FEWEST_MESSAGES) if self.rate_hz else inf
+        part: list[ImuBlock] = []
+        for block in blocks:
+            while len(block):
+                room = min(most - messages(part), len(block))
+                part.append(block.part(slice(room)))
+                block = block.part(slice(room, None))
+                if messages(part) == most:
+                    yield part
+                    part = []
+        if part:
+            yield part
+
     def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
         """Return whether the next messages need a closer check; cheap in the normal case."""
         if self.frame_id is None:
@@ -189,21 +204,6 @@ class Known(Record):
 def messages(blocks: Sequence[ImuBlock]) -> int:
     """Return the number of messages."""
     return sum(len(block) for block in blocks)
-
-
-def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
-    """Yield messages in parts of `most`, the last of which may be smaller."""
-    part: list[ImuBlock] = []
-    for block in blocks:
-        while len(block):
-            room = most - messages(part)
-            part.append(block.part(slice(room)))
-            block = block.part(slice(room, None))
-            if messages(part) == most:
-                yield part
-                part = []
-    if part:
-        yield part
 
 
 class LaneSnapshot(NamedTuple):
