@@ -74,10 +74,9 @@ class Known(Record):
             self.frame_id = blocks[0].frame_id
         self._recent += [block for block in blocks if block.frame_id == self.frame_id]
         # The rate of 400 messages is known to 1 %; a slow sensor takes longer for them.
-        while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES or (
-                self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S
-                and messages(self._recent[1:]) > 400)):
-            self._recent.pop(0)
+        while (later := self._recent[1:]) and (messages(self._recent) > _MOST_MESSAGES or (
+                self.lasted_s(later) > LONGEST_LOOK_S and messages(later) > 400)):
+            self._recent = later
 
     def learn(self, clock: str | None) -> None:
         """Take over the clock that a fit has chosen; measure the rate until it is certain."""
