@@ -56,12 +56,11 @@ class Worker:
             self._jobs.remove(job)
             kind, future, done = job
             error = future.exception()
-            if error is None or isinstance(error, IncompleteSave):
-                self.errors[kind] = ''
+            if not isinstance(error, TooEarly):
+                self.errors[kind] = ('' if error is None or isinstance(error, IncompleteSave)
+                                     else self._logged(kind, error))
             if error is None:
                 done(future.result())
-            elif not isinstance(error, TooEarly | IncompleteSave):
-                self.errors[kind] = self._logged(kind, error)
         if finished:
             _give_back_memory()
 
