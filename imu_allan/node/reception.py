@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from imu_allan.arrays import Ints
-from imu_allan.block import Half, ImuBlock
+from imu_allan.block import Half, HALVES, ImuBlock
 from imu_allan.cdr import batches_of, IMU_TYPE, MalformedImu
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.node.diagnostics import Facts
@@ -329,14 +329,13 @@ class Reception:
 def receptions(node: Node, log: Log, values: Mapping[str, Any]) -> list[Reception]:
     """Return that of the topic of the IMU, or those of its gyroscope and its accelerometer."""
     gyro, accel = values['gyro_topic'], values['accel_topic']
-    if not gyro and not accel:
-        if values['accel_type']:
-            raise ImuAllanError('parameter accel_type: needs gyro_topic and accel_topic; '
-                                'imu_type is the type of one topic')
-        return [Reception(node, log, TOPIC, None, values)]
-    if not (gyro and accel):
+    if gyro and accel:
+        return [Reception(node, log, values[f'{half}_topic'], half, values) for half in HALVES]
+    if gyro or accel:
         named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
         raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
                             'topics has both')
-    return [Reception(node, log, gyro, 'gyro', values),
-            Reception(node, log, accel, 'accel', values)]
+    if values['accel_type']:
+        raise ImuAllanError('parameter accel_type: needs gyro_topic and accel_topic; '
+                            'imu_type is the type of one topic')
+    return [Reception(node, log, TOPIC, None, values)]
