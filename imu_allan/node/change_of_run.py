@@ -234,7 +234,7 @@ class Runs:
         lane.update(blocks)
         if not lane.known.publishers:
             lane.known.publishers = sorted(topic.offers())
-        topic.facts.looping, topic.facts.update_error = lane.seen.looping, lane.error
+        topic.facts.looping = lane.seen.looping
         if lane.error:
             self._log.error(lane.error, f'useless samples {topic.facts.topic}')
         if topic.facts.elsewhere:
