@@ -8,6 +8,7 @@ later, receive stamps replace them.
 """
 
 from dataclasses import replace
+from math import inf, log
 
 from imu_allan.arrays import Bools
 from imu_allan.errors import ImuAllanError
@@ -35,6 +36,7 @@ import numpy as np
 def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
     """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
     one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
+    decision.speed = _speed_of(window.header_ns, window.receive_ns)
     if options.force_rate and options.rate_hz is not None:
         decision.clock = 'header'
         decision.count_samples(options.rate_hz)
@@ -88,6 +90,16 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
             f'{"times" if one else f"{decision.clock} stamps"} advance at {measured:.6g} Hz. '
             f'Leave out the rate{"" if one else ", choose the other clock (analyze --clock)"}, '
             'or count samples at the stated rate (analyze --clock none)')
+
+
+def _speed_of(stamps: Stamps, received: Stamps) -> float:
+    """Return how fast stamps run, compared with those received, where they differ least."""
+    # Messages from a queue are received within one quarter of the time. A stall, or a jump of a
+    # clock, delays those of one or two.
+    time = np.maximum.accumulate(received - received[0])
+    passed = np.diff(np.interp(np.linspace(0, time[-1], 5), time, stamps - stamps[0]))
+    speeds = passed[passed > 0] * 4 / max(time[-1], 1)
+    return float(min(speeds, key=lambda speed: abs(log(speed)), default=inf))
 
 
 def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> Pace | None:

@@ -212,9 +212,6 @@ def not_a_number(m: Messages, truth: Truth, rng: Generator) -> None:
 
 
 def knock(m: Messages, truth: Truth, rng: Generator) -> None:
-    if len(m.place) < 4 * truth.rate_hz:
-        # A knock with its margins is the larger part of it.
-        truth.said.add('refused')
     at = int(rng.integers(len(m.place) // 4, len(m.place) * 3 // 4))
     width = max(int(0.05 * truth.rate_hz), 1)
     m.samples[at:at + width] += rng.normal(size=m.samples[at:at + width].shape) * 60 * SIGMA
@@ -438,6 +435,10 @@ def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] =
             continue
         truth.faults.append(fault.__name__)
         messages = fault(messages, truth, rng) or messages
+    if 'knock' in truth.faults and (
+            len(messages.place) < 4 * rate_hz or 0 < np.ptp(messages.header) < 4):
+        # By one of the clocks, a knock with its margins is the larger part of it.
+        truth.said.add('refused')
     if 'tilt' in truth.faults and np.ptp(messages.header) < 6.5:
         # By its stamps the record is so short that the turn, and where its means are held against
         # those of two seconds before, and a second on each side, are all of it.

@@ -5,6 +5,7 @@
 from dataclasses import replace
 from functools import partial
 
+from imu_allan.timeline import TimelineOptions, TimelineStage
 from imu_allan.timeline.values import alternates
 from imu_messages import codes, cut, run, said
 import numpy as np
@@ -343,10 +344,34 @@ def test_clocks_of_different_speed_are_reported(speed, back_s):
     assert 'clock_speed' not in codes(run(messages.block(), clock='header')[0])
 
 
-@pytest.mark.parametrize('duration_s', [4, 6, 30])
-def test_messages_that_waited_in_a_queue_make_no_clock_wrong(duration_s):
+@pytest.mark.parametrize('rate_hz', [200.0, 2000.0])
+@pytest.mark.parametrize('speed', [0.1, 0.5, 0.9, 1.1, 2.0, 10.0])
+def test_clocks_of_different_speed_are_reported_of_short_recordings(speed, rate_hz):
+    messages, _, _ = rest(rate_hz, 1800 / rate_hz)
+    messages.header *= speed
+    summary, _ = run(messages.block())
+    assert said(summary, 'clock_speed').values == {'ratio': pytest.approx(speed, rel=0.01)}
+
+
+def test_clocks_of_different_speed_are_reported_though_the_first_run_is_one_message():
+    messages, _, _ = rest()
+    messages.header *= 10
+    first, others = cut(messages.block(), [1])
+    stage = TimelineStage(TimelineOptions())
+    stage.push(first)
+    stage.break_run()
+    stage.push(others)
+    assert said(stage.summary(), 'clock_speed').values == {'ratio': pytest.approx(10, rel=5e-3)}
+
+
+@pytest.mark.parametrize('duration_s', [3, 4, 6, 30])
+@pytest.mark.parametrize('stalls', [[(0, 2)], [(0.7, 1.2), (2.5, 3)]])
+def test_messages_that_waited_in_a_queue_make_no_clock_wrong(duration_s, stalls):
     messages, _, _ = rest(100, duration_s)
-    messages.receive = np.maximum(messages.receive, 2.0) + 1e-5 * messages.place
+    for first, last in stalls:
+        waited = (first < messages.receive) & (messages.receive < last)
+        messages.receive[waited] = last + 1e-5 * messages.place[waited]
+    messages.receive = np.maximum.accumulate(messages.receive)
     assert 'clock_speed' not in codes(run(messages.block())[0])
 
 
