@@ -136,7 +136,9 @@ class FieldsDecoder:
                 part = _extract(self._fields, stamps, rows[which].view(layout.record)[:, 0],
                                 receive_ns[which], on_malformed)
                 part['message'] = index[which][part.get('message', slice(None))]
-                parts.append((layout.frame_id, part))
+                # Bursts may all be malformed.
+                if len(part['samples']):
+                    parts.append((layout.frame_id, part))
         return parts
 
     # ----------------------------------------------------------------------------------- layouts

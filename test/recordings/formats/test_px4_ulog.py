@@ -6,6 +6,7 @@ from struct import pack
 
 from bags import assert_same, read, refusal, said
 from imu_allan import analyze
+from imu_allan.recordings import open_recording
 import numpy as np
 import pytest
 
@@ -97,6 +98,15 @@ def test_a_burst_that_is_none_is_left_out_and_reported(tmp_path):
     assert remark == said(path, 'malformed_messages', what='message', count=2,
                           topic='sensor_gyro_fifo', type='px4_msgs/msg/SensorGyroFifo',
                           first=remark.values['first'])
+
+
+def test_a_topic_of_bursts_that_are_none_is_passed_over_with_the_reason(tmp_path):
+    bursts = FIFO, [pack('<QQIffB12h', 9, 1_000_000 + 500 * n, 7, 125.0, 0.5, 0, *range(12))
+                    for n in range(COUNT)]
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': combined(), 'sensor_gyro_fifo': bursts})
+    with open_recording(path) as recording:
+        assert [topic.name for topic in recording.topics] == ['sensor_combined']
+        assert recording.reasons['sensor_gyro_fifo'].startswith('samples is not 1 to 4')
 
 
 @pytest.mark.parametrize(('form', 'said'), [
