@@ -214,7 +214,8 @@ def _clock_findings(memory: Memory) -> Iterator[Finding]:
         return
     header = counts.header.last_ns - counts.header.first_ns
     receive = counts.receive.last_ns - counts.receive.first_ns
-    if header <= 0 or receive <= 0:
+    # All that is received within 0.3 s may have waited for a late process.
+    if header <= 0 or receive < 0.3 * SECOND:
         return
     # What waited in a queue shortens the receive time of all, or hides that of the first messages.
     ratio = min(header / receive, decision.speed, key=lambda one: abs(log(one)))

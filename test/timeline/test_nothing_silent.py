@@ -378,6 +378,12 @@ def test_messages_that_waited_in_a_queue_make_no_clock_wrong(duration_s, stalls)
     assert 'clock_speed' not in codes(run(messages.block())[0])
 
 
+def test_messages_that_all_waited_in_a_queue_make_no_clock_wrong():
+    messages, _, _ = rest(200, 5)
+    messages.receive = 5 + 1e-4 * messages.place
+    assert 'clock_speed' not in codes(run(messages.block())[0])
+
+
 def numbers(result, axes):
     return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
             if name.startswith(axes)]
