@@ -57,7 +57,7 @@ class RecordingOptions:
         """Raise ImuAllanError for a wrong unit or rate, or a time without samples."""
         for name in ('rate_hz', 'accel_rate_hz'):
             if (rate_hz := getattr(self, name)) is not None:
-                vars(self)[name] = positive(name, rate_hz)
+                object.__setattr__(self, name, positive(name, rate_hz))
         if self.stamp is not None and self.gyro is self.accel is None:
             raise ImuAllanError('--stamp is for messages whose fields are named: give --gyro or '
                                 '--accel, too')

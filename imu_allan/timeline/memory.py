@@ -61,9 +61,9 @@ class TimelineOptions:
             raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
         if self.motion not in ('exclude', 'keep'):
             raise ValueError(f'motion {self.motion!r} is not exclude or keep')
-        vars(self)['gap_tolerance'] = whole('gap_tolerance', self.gap_tolerance)
+        object.__setattr__(self, 'gap_tolerance', whole('gap_tolerance', self.gap_tolerance))
         if self.rate_hz is not None:
-            vars(self)['rate_hz'] = positive('rate_hz', self.rate_hz)
+            object.__setattr__(self, 'rate_hz', positive('rate_hz', self.rate_hz))
 
 
 @dataclass(frozen=True)
