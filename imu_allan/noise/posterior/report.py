@@ -122,7 +122,8 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
     found['rate_ramp'] = ramp
     if exponent.observable:
         found['bias_instability'] = replace(found['bias_instability'], observable=False)
-    moving = estimates.reported_trends(posterior, record)
+    # A high-pass takes drift out; what is left fits its own settling, or ends of the record.
+    moving = () if corner.observable else estimates.reported_trends(posterior, record)
     if sum(one.trend.kind.key == 'bias_step' for one in moving) > 1:
         # Two steps may as well be a bump or something else.
         moving = tuple(one for one in moving if one.trend.kind.key != 'bias_step')
