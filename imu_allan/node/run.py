@@ -99,9 +99,7 @@ class Known(Record):
 
     def another(self, blocks: Sequence[ImuBlock]) -> 'Known':
         """Return what the first messages of another IMU show of it."""
-        other = Known(frame_id=blocks[-1].frame_id, clock=self.clock)
-        other.rate_hz = other.measured_hz(blocks) or None
-        return other
+        return Known(blocks[-1].frame_id, self.clock, self.measured_hz(blocks))
 
     def parts(self, blocks: Sequence[ImuBlock]) -> Iterator[list[ImuBlock]]:
         """Yield messages in parts to judge in turn, or together if their rate is unknown."""
@@ -142,10 +140,9 @@ class Known(Record):
 
     def mismatch(self, blocks: Sequence[ImuBlock]) -> UnusableState | None:
         """Return why messages are not from this IMU; None if they may be."""
-        frame_id = blocks[-1].frame_id
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
-                                 f'the messages now have {frame_id!r}')
+                                 f'the messages now have {blocks[-1].frame_id!r}')
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
@@ -168,10 +165,10 @@ class Known(Record):
             (blocks[0].receive_ns[0], blocks[-1].receive_ns[-1]),
             (self._stamps(blocks[:1])[0], self._stamps(blocks[-1:])[-1])))
 
-    def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
-        """Return the rate of messages by the clock; 0 if there are too few."""
+    def measured_hz(self, blocks: Sequence[ImuBlock]) -> float | None:
+        """Return the rate of messages by the clock; None if there are too few."""
         _, pace = self._paced(blocks)
-        return 0.0 if pace is None else 1e9 / pace.interval_ns
+        return None if pace is None else 1e9 / pace.interval_ns
 
     def _paced(self, blocks: Sequence[ImuBlock]) -> tuple[Ints, Pace | None]:
         """Return the stamps in order, repeated ones once, and their pace unless they are few."""
