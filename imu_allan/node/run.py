@@ -118,9 +118,7 @@ class Known(Record):
 
     def may_be_another(self, blocks: Sequence[ImuBlock]) -> bool:
         """Return whether the next messages need a closer check; cheap in the normal case."""
-        if self.frame_id is None:
-            return False
-        if all(block.frame_id != self.frame_id for block in blocks):
+        if self._has_another_frame(blocks):
             return True
         if any(block.frame_id != self.frame_id for block in blocks) or not self.rate_hz:
             # Messages with another frame_id say nothing about the rate.
@@ -140,13 +138,17 @@ class Known(Record):
 
     def mismatch(self, blocks: Sequence[ImuBlock]) -> UnusableState | None:
         """Return why messages are not from this IMU; None if they may be."""
-        if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
+        if self._has_another_frame(blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
                                  f'the messages now have {blocks[-1].frame_id!r}')
         if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
         return None
+
+    def _has_another_frame(self, blocks: Sequence[ImuBlock]) -> bool:
+        """Return whether no message has the frame_id of this IMU, if that is known."""
+        return self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks)
 
     def suffices(self, blocks: Sequence[ImuBlock], seconds: float) -> bool:
         """Return whether there are enough messages to decide if they are from this IMU."""
