@@ -55,7 +55,7 @@ class ImuBlock:
         """Return the number of messages."""
         return len(self.samples)
 
-    def part(self, rows: slice | Bools) -> ImuBlock:
+    def part(self, rows: slice | Bools | Ints) -> ImuBlock:
         """Return some of the messages; a slice is not copied."""
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
                         self.absent[rows], self.frame_id)

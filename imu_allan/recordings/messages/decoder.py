@@ -18,14 +18,13 @@ As for `imu_allan.cdr`: CDR aligns every number to its own size, counted from by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
-from itertools import accumulate
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import prod
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from imu_allan.arrays import Array, Ints, runs
-from imu_allan.block import ImuBlock
+from imu_allan.arrays import Array, Bools, Ints, runs
+from imu_allan.block import ImuBlock, joined
 from imu_allan.cdr import (
     MalformedImu,
     MessageBatch,
@@ -35,13 +34,10 @@ from imu_allan.cdr import (
 )
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.definitions import Types
-from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, split_path, Stamp, Vector
+from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, split_path, Stamp
 import numpy as np
 from numpy.typing import NDArray
 
-Columns = dict[str, NDArray[Any]]
-"""For each sample: 'stamps' (one per column), 'receive_ns', 'samples', 'absent' and, for
-bursts, 'message', the index of its message."""
 Decoder = Callable[[Iterable[MessageBatch], OnMalformed], list[ImuBlock]]
 """Decodes messages of a topic in order; use a new one for each reading."""
 
@@ -85,6 +81,17 @@ class ImuMessages:
         return ', '.join(filter(None, (self.type_name, self.fields.what)))
 
 
+class Samples(NamedTuple):
+    """Samples as read from messages of one layout, before a clock is chosen."""
+
+    frame_id: str
+    message: Ints   # index of the message of each sample
+    stamps: Ints    # one column for each candidate
+    receive_ns: Ints
+    samples: Array
+    absent: Bools
+
+
 class FieldsDecoder:
     """Decoder of messages whose samples are in arbitrary fields."""
 
@@ -92,54 +99,56 @@ class FieldsDecoder:
         self._messages, self._fields = messages, messages.fields
         self._wanted = messages.fields.paths()
         self._known: dict[int, list[tuple[bytes, Layout]]] = {}
-        self._clock: int | None = None
+        # Candidates for the clock; one is left once it is chosen.
+        self._stamps = messages.fields.stamps
 
     # Damaged numbers of any size are rejected later.
     @np.errstate(over='ignore', invalid='ignore')
     def __call__(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
                  ) -> list[ImuBlock]:
         """Decode messages in order; malformed ones are reported."""
-        parts = self._parts([batch for batch in batches if len(batch.rows)], on_malformed)
+        # Bursts may all be malformed.
+        parts = [part for part in self._parts(batches, on_malformed) if len(part.samples)]
         if not parts:
             return []
-        if len(parts) == 1:
-            [(frame_id, columns)] = parts
-            return [ImuBlock(self._header_ns(columns['stamps']), columns['receive_ns'],
-                             columns['samples'], columns['absent'], frame_id)]
-        names = [*dict.fromkeys(frame_id for frame_id, _ in parts)]
-        for frame_id, part in parts:
-            part['frame'] = np.full(len(part['samples']), names.index(frame_id))
-        order = np.argsort(np.concatenate([part['message'] for _, part in parts]), kind='stable')
-        columns = {name: np.concatenate([part[name] for _, part in parts])[order]
-                   for name in parts[0][1]}
-        header_ns, frames = self._header_ns(columns['stamps']), columns['frame']
-        return [ImuBlock(header_ns[a:b], columns['receive_ns'][a:b], columns['samples'][a:b],
-                         columns['absent'][a:b], names[frames[a]])
+        clock = self._choose_clock(_joined([part.stamps for part in parts]))
+        blocks = [ImuBlock(part.stamps[:, clock], part.receive_ns, part.samples, part.absent,
+                           part.frame_id) for part in parts]
+        if len(blocks) == 1:
+            return blocks
+        order = np.argsort(np.concatenate([part.message for part in parts]), kind='stable')
+        block = joined(blocks).part(order)
+        names = [*dict.fromkeys(part.frame_id for part in parts)]
+        frames = np.repeat([names.index(part.frame_id) for part in parts],
+                           [*map(len, blocks)])[order]
+        return [replace(block.part(slice(a, b)), frame_id=names[frames[a]])
                 for a, b in runs(frames[1:] != frames[:-1], len(frames))]
 
-    def _parts(self, batches: Sequence[MessageBatch], on_malformed: OnMalformed,
-               ) -> list[tuple[str, Columns]]:
-        """Decode messages of one layout at a time; return frame_id and columns of each."""
-        bounds = [0, *accumulate(len(batch.rows) for batch in batches)]
-        by_size: dict[int, list[int]] = {}
-        for number, batch in enumerate(batches):
-            by_size.setdefault(batch.rows.shape[1], []).append(number)
-        stamps = self._fields.stamps
-        if self._clock is not None:
-            stamps = (stamps[self._clock],)
-        parts = []
-        for numbers in by_size.values():
-            rows = _joined([batches[number].rows for number in numbers])
-            receive_ns = _joined([batches[number].receive_ns for number in numbers])
-            index = _joined([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
+    def _parts(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
+               ) -> Iterator[Samples]:
+        """Read messages of one layout at a time."""
+        by_size: dict[int, list[tuple[NDArray[np.uint8], Ints, Ints]]] = {}
+        number = 0
+        for batch in batches:
+            if count := len(batch.rows):
+                by_size.setdefault(batch.rows.shape[1], []).append(
+                    (batch.rows, batch.receive_ns, np.arange(number, number + count)))
+                number += count
+        for alike in by_size.values():
+            rows, receive_ns, index = map(_joined, zip(*alike, strict=True))
             for layout, which in self._groups(rows, on_malformed):
-                part = _extract(self._fields, stamps, rows[which].view(layout.record)[:, 0],
-                                receive_ns[which], on_malformed)
-                part['message'] = index[which][part.get('message', slice(None))]
-                # Bursts may all be malformed.
-                if len(part['samples']):
-                    parts.append((layout.frame_id, part))
-        return parts
+                yield _extract(self._fields, self._stamps, layout, rows[which], receive_ns[which],
+                               index[which], on_malformed)
+
+    def _choose_clock(self, stamps: Ints) -> int:
+        """Return the column of the first valid and mostly distinct stamps; keep the choice."""
+        clock = 0
+        if len(self._stamps) > 1:
+            clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
+            # Fix the choice of the clock once there are this many messages.
+            if len(stamps) >= 16:
+                self._stamps = (self._stamps[clock],)
+        return clock
 
     # ----------------------------------------------------------------------------------- layouts
 
@@ -181,23 +190,8 @@ class FieldsDecoder:
                 left = left[:0] if like is None else left[~like]
         return [(layout, _joined(parts)) for layout, parts in found.items()]
 
-    # ------------------------------------------------------------------------------------- clock
 
-    def _header_ns(self, stamps: Ints) -> Ints:
-        """Return the first valid and mostly distinct stamps; keep the choice once made."""
-        if not stamps.shape[1]:
-            return np.zeros(len(stamps), np.int64)
-        clock = 0
-        if self._clock is None:
-            clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
-            # Fix the choice of the clock once there are this many messages.
-            if len(stamps) >= 16:
-                self._clock = clock
-        times: Ints = stamps[:, clock]
-        return times
-
-
-def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
+def _joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """Join arrays; most often there is one, which is not copied."""
     return np.concatenate(arrays) if len(arrays) > 1 else arrays[0]
 
@@ -338,33 +332,46 @@ class Layout:
 
 # ------------------------------------------------------------------------------ records as columns
 
-def _extract(fields: ImuFields, stamps_read: Sequence[Stamp], messages: NDArray[np.void],
-             receive_ns: Ints, on_malformed: OnMalformed) -> Columns:
-    """Extract samples and stamps of shape (n,) records; which stamps hold is chosen later."""
-    count = len(messages)
-    stamps = np.empty((len(stamps_read), count), np.int64).T
-    for number, stamp in enumerate(stamps_read):
-        stamps[:, number] = _time_of(messages, stamp)
+def _extract(fields: ImuFields, candidates: Sequence[Stamp], layout: Layout,
+             rows: NDArray[np.uint8], receive_ns: Ints, index: Ints, on_malformed: OnMalformed,
+             ) -> Samples:
+    """Extract samples and stamps of messages; which stamps hold is chosen later."""
+    messages = rows.view(layout.record)[:, 0]
+    # The message of each sample, and the place of its numbers in arrays.
+    message: slice | Ints = slice(None)
+    place: Any = message
+    before_ns: Ints | Literal[0] = 0
     if fields.burst is not None:
-        return _burst(fields, fields.burst, messages, stamps, receive_ns, on_malformed)
+        message, number, before_ns = _samples_of(fields, fields.burst, messages, on_malformed)
+        place = message, number
+    receive_ns = receive_ns[message] - before_ns
     # Each axis is contiguous, which numpy prefers.
+    count = len(receive_ns)
+    stamps = np.zeros((max(len(candidates), 1), count), np.int64).T
     samples, absent = np.zeros((6, count)).T, np.ones((2, count), np.bool_).T
+    for column, stamp in enumerate(candidates):
+        stamps[:, column] = _time_of(messages, stamp)[message] - before_ns
     for first, vector in fields.vectors():
         for axis, path in enumerate(vector.paths, first):
-            samples[:, axis] = messages[path]
-        _to_si(samples[:, first:first + 3], vector, messages)
-        absent[:, first // 3] = False
-        if vector.covariance is not None:
-            np.equal(messages[vector.covariance], -1.0, out=absent[:, first // 3])
-    return {'stamps': stamps, 'receive_ns': np.array(receive_ns, np.int64), 'samples': samples,
-            'absent': absent}
+            samples[:, axis] = messages[path][place]
+        half = samples[:, first:first + 3]
+        if vector.scale is not None:
+            half *= messages[vector.scale][message, np.newaxis]
+        if vector.per is not None:
+            seconds = messages[vector.per][message].astype(np.float64) * 1e-6
+            seconds[seconds == 0] = np.nan
+            half /= seconds[:, np.newaxis]
+        if vector.factor != 1.0:
+            half *= vector.factor
+        absent[:, first // 3] = (vector.covariance is not None
+                                 and messages[vector.covariance][message] == -1.0)
+    return Samples(layout.frame_id, index[message], stamps, receive_ns, samples, absent)
 
 
-def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
-           stamps: Ints, receive_ns: Ints,
-           on_malformed: OnMalformed) -> Columns:
-    """Expand messages with many samples; the stamp is that of the last sample."""
-    [(first, vector)] = fields.vectors()
+def _samples_of(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
+                on_malformed: OnMalformed) -> tuple[Ints, Ints, Ints]:
+    """Return message and place of each sample of bursts, and its time before the last one."""
+    [(_, vector)] = fields.vectors()
     width = min(messages[path].shape[1] for path in vector.paths)
     filled = messages[burst.samples].astype(np.int64)
     step_ns = messages[burst.step_us].astype(np.float64) * 1e3
@@ -374,36 +381,9 @@ def _burst(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
     if not sound.all():
         on_malformed(int((~sound).sum()), MalformedImu(
             f'{burst.samples} is not 1 to {width}, or {burst.step_us} is no time'))
-    place = np.arange(width)
-    before_ns = np.rint(np.where(sound, step_ns, 0)[:, np.newaxis] * (
-        filled[:, np.newaxis] - 1 - place)).astype(np.int64)
-    message, number = np.nonzero((place < filled[:, np.newaxis]) & sound[:, np.newaxis])
-    bursts = np.stack([messages[path][:, :width] for path in vector.paths], axis=2).astype(
-        np.float64)
-    _to_si(bursts, vector, messages)
-    samples = np.zeros((len(message), 6))
-    samples[:, first:first + 3] = bursts[message, number]
-    absent = np.ones((len(message), 2), np.bool_)
-    absent[:, first // 3] = False
-    before_ns = before_ns[message, number]
-    return {'stamps': stamps[message] - before_ns[:, np.newaxis],
-            'receive_ns': receive_ns[message] - before_ns, 'samples': samples, 'absent': absent,
-            'message': message}
-
-
-def _to_si(numbers: Array, vector: Vector, messages: NDArray[np.void]) -> None:
-    """Convert numbers of shape (n, 3) or (n, width, 3) to rad/s or m/s^2, in place."""
-    def each(path: str) -> Array:
-        return messages[path].astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
-
-    if vector.scale is not None:
-        numbers *= each(vector.scale)
-    if vector.per is not None:
-        seconds = each(vector.per) * 1e-6
-        seconds[seconds == 0] = np.nan
-        numbers /= seconds
-    if vector.factor != 1.0:
-        numbers *= vector.factor
+    message, number = np.nonzero((np.arange(width) < filled[:, np.newaxis]) & sound[:, np.newaxis])
+    before_ns = np.rint(step_ns[message] * (filled[message] - 1 - number)).astype(np.int64)
+    return message, number, before_ns
 
 
 def _time_of(messages: NDArray[np.void], stamp: Stamp) -> Ints:
