@@ -26,6 +26,11 @@ class ImuAllanError(ValueError):
     """
 
 
+def error_about(path: object, reason: str) -> ImuAllanError:
+    """Return an error about a file, whose path comes first."""
+    return ImuAllanError(f'{printable(path)}: {reason}')
+
+
 def printable(text: object) -> str:
     r"""
     Make text from files (paths, topics, frame_id) safe for one line of a terminal.

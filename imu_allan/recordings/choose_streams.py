@@ -16,7 +16,7 @@ from typing import Literal
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import Half, HALVES, ImuBlock
-from imu_allan.errors import brief, ImuAllanError, printable
+from imu_allan.errors import brief, error_about, ImuAllanError, printable
 from imu_allan.recordings.messages.imus_in import may_hold_imu
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import counted, NO_TOPIC
@@ -42,7 +42,6 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
         omitted and there are several Imu topics.
 
     """
-    path = printable(recording.path)
     names = recording.by_name
     if topic is not None:
         spellings = [topic, f'/{topic}', topic.removeprefix('/')]
@@ -50,24 +49,23 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
         if chosen is None:
             other = next((name for name in spellings if name in recording.other_topics), None)
             if other is None:
-                raise ImuAllanError(
-                    f'{path}: no topic {brief(topic)}; {_what_there_is(recording)}')
-            raise ImuAllanError(
-                f'{path}: topic {brief(other)} is of type '
+                raise error_about(
+                    recording.path, f'no topic {brief(topic)}; {_what_there_is(recording)}')
+            raise error_about(
+                recording.path, f'topic {brief(other)} is of type '
                 f'{brief(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
                 f'{_reason(recording, [other])}')
     elif not names:
-        raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
+        raise error_about(recording.path, _what_there_is(recording))
     elif len(names) > 1:
-        raise ImuAllanError(
-            f'{path}: {len(names)} Imu topics; choose one with --topic, or analyze each with '
-            f'--all-topics: {_list_topics(recording)}')
+        raise error_about(
+            recording.path, f'{len(names)} Imu topics; choose one with --topic, or analyze each '
+            f'with --all-topics: {_list_topics(recording)}')
     else:
         [chosen] = names
     if names[chosen].count == 0:
-        raise ImuAllanError(
-            f'{path}: topic {brief(chosen)} has no messages; record it while the IMU driver '
-            'runs')
+        raise error_about(recording.path, f'topic {brief(chosen)} has no messages; record it '
+                          'while the IMU driver runs')
     return chosen
 
 

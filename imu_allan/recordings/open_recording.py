@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 import re
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.recordings.messages.definitions import definition_files
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording, unreadable_error
@@ -58,8 +58,8 @@ def open_recording(
             found = recordings_in(path, options)
             if path not in found:
                 if len(found) > 1:
-                    raise ImuAllanError(f'{printable(path)}: holds {len(found)} recordings, such '
-                                        f'as {printable(found[0].name)}; name one')
+                    raise error_about(path, f'holds {len(found)} recordings, such as '
+                                      f'{printable(found[0].name)}; name one')
                 return open_recording(found[0], options=options)
             from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
             if not holds_recording(path) and tables_in(path):
@@ -76,15 +76,14 @@ def open_recording(
         if isinstance(error, ImuAllanError):
             raise
         # The path contains a null byte.
-        raise ImuAllanError(f'{printable(path)}: {printable(error)}') from error
+        raise error_about(path, printable(error)) from error
 
 
 def _result_given(given: Path, file: Path) -> ImuAllanError:
     what = ('go on with imu_allan report, tune, export or check and the result.json in one of its '
             'folders' if file.name == 'fleet.json' else
             f'go on with imu_allan report, tune, export or check {printable(file)}')
-    return ImuAllanError(f'{printable(given)}: a result of imu_allan analyze, not a recording; '
-                         f'{what}')
+    return error_about(given, f'a result of imu_allan analyze, not a recording; {what}')
 
 
 def _is_split(files: Sequence[Path]) -> bool:
@@ -182,14 +181,14 @@ def _is_bag(folder: Path) -> bool:
 def _head(path: Path, stored: Path) -> bytes:
     """Read the first bytes of a file; raise ImuAllanError if it cannot hold a recording."""
     if not stored.exists():
-        raise ImuAllanError(f'{printable(path)}: no such file or directory')
+        raise error_about(path, 'no such file or directory')
     if not stored.is_file():
-        raise ImuAllanError(f'{printable(path)}: not a file')
+        raise error_about(path, 'not a file')
     with stored.open('rb') as file:
         # Long enough for the longest signature, the 40 bytes of git-LFS.
         head = file.read(64)
     if not head:
-        raise ImuAllanError(f'{printable(path)}: the file is empty')
+        raise error_about(path, 'the file is empty')
     for first_bytes, what in (
             (b'version https://git-lfs.github.com/spec/',
              'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
@@ -198,7 +197,7 @@ def _head(path: Path, stored: Path) -> bytes:
             ((b'\x1f\x8b', b'PK\x03\x04'),
              'compressed with gzip or zip; take the recording out of it')):
         if head.startswith(first_bytes):
-            raise ImuAllanError(f'{printable(path)}: {what}')
+            raise error_about(path, what)
     return head
 
 
@@ -213,8 +212,8 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
             (b'\xa3\x95\x80', 'autopilot_log', 'ArduPilotRecording')):
         if head.startswith(first_bytes):
             if options.columns:
-                raise ImuAllanError(f'{printable(path)}: --columns is for CSV files; --gyro and '
-                                    '--accel name the fields of messages')
+                raise error_about(path, '--columns is for CSV files; --gyro and --accel name the '
+                                  'fields of messages')
             # The libraries of a format are imported only if it is read.
             kind = getattr(import_module(f'imu_allan.recordings.formats.{module}'), name)
             recording: Recording = kind(path, stored, options)
@@ -226,8 +225,6 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)
     if path.name == 'metadata.yaml':
-        raise ImuAllanError(f'{printable(path)}: describes the recording in its folder; name the '
-                            'folder')
-    raise ImuAllanError(
-        f'{printable(path)}: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 '
-        '.ulg, ArduPilot .bin or CSV file')
+        raise error_about(path, 'describes the recording in its folder; name the folder')
+    raise error_about(path, 'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, '
+                      'ArduPilot .bin or CSV file')

@@ -30,7 +30,7 @@ from threading import Event, Semaphore, Thread
 from typing import Any
 
 from imu_allan.block import ImuBlock, joined
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
 from imu_allan.recordings.choose_streams import choose_topic
 from imu_allan.recordings.recording import Recording, unreadable_error
@@ -123,7 +123,7 @@ def _with_progress(
         what = ('no line of samples below the names of the columns' if topic == NO_TOPIC
                 else f'topic {printable(topic)} holds no readable message{why}; --topic names '
                 'another')
-        raise ImuAllanError(f'{printable(recording.path)}: {what}')
+        raise error_about(recording.path, what)
     if progress is not None:
         progress(recording.size_bytes)
 
@@ -241,9 +241,8 @@ def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDA
     except (EOFError, pickle.UnpicklingError):
         code = process.wait()
         how = f'signal {-code}' if code < 0 else f'exit status {code}'
-        raise ImuAllanError(
-            f'{printable(recording.path)}: the process that reads it was ended from outside '
-            f'({how}), perhaps for want of memory') from None
+        raise error_about(recording.path, 'the process that reads it was ended from outside '
+                          f'({how}), perhaps for want of memory') from None
     finally:
         # Keep the pipes open during cleanup: closing them would interrupt it a second time.
         process.terminate()

@@ -17,7 +17,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu, Serialization
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.finding import CODES, Finding, finding
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name, Types
@@ -267,8 +267,7 @@ def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAlla
     """Return the error to report; lack of disk space concerns the temporary copy."""
     reason = error.strerror or printable(error)
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return ImuAllanError(f'{printable(recording)}: cannot be unpacked or copied to '
-                             f'{printable(tempfile.gettempdir())} ({reason}); name a larger '
-                             'folder with TMPDIR, or raise the limit (ulimit -f)')
-    return ImuAllanError(f'{printable(recording)}: '
-                         f'{f"{what} ({printable(reason)})" if what else reason}')
+        return error_about(recording, 'cannot be unpacked or copied to '
+                           f'{printable(tempfile.gettempdir())} ({reason}); name a larger folder '
+                           'with TMPDIR, or raise the limit (ulimit -f)')
+    return error_about(recording, f'{what} ({printable(reason)})' if what else reason)

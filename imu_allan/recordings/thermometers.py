@@ -7,7 +7,7 @@ from typing import Literal
 
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
-from imu_allan.errors import brief, ImuAllanError, printable
+from imu_allan.errors import brief, error_about, ImuAllanError
 from imu_allan.finding import finding
 from imu_allan.recordings.recording import ImuTopic, Recording
 import numpy as np
@@ -26,9 +26,9 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
             thermometer for thermometer in own if thermometer.name == f'{topic}:{named}']
         if not chosen:
             shown = ', '.join(brief(thermometer.name) for thermometer in (*separate, *own)[:10])
-            raise ImuAllanError(
-                f'{printable(recording.path)}: --temperature {brief(named)}: no '
-                'topic of type sensor_msgs/Temperature, field or column of this name'
+            raise error_about(
+                recording.path, f'--temperature {brief(named)}: no topic of type sensor_msgs/'
+                'Temperature, field or column of this name'
                 + (f'; there are {shown}' if shown else ''))
         return chosen[0]
     if own or not separate:

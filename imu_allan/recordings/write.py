@@ -10,7 +10,7 @@ from typing import get_args, Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows, IMU_TYPE
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError, printable
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -58,22 +58,22 @@ def write_recording(
     """
     path = Path(path)
     if path.exists() or path.is_symlink():
-        raise ImuAllanError(f'{printable(path)}: exists already; choose another name or remove it')
+        raise error_about(path, 'exists already; choose another name or remove it')
     if storage not in get_args(Storage):
         raise ImuAllanError(
             f'storage {printable(storage)}: not one of {", ".join(get_args(Storage))}')
     if storage == 'sqlite3' and set('?#%') & set(str(path)):
         # The library would take them for parts of a URI.
-        raise ImuAllanError(f'{printable(path)}: choose a name without ?, # and %')
+        raise error_about(path, 'choose a name without ?, # and %')
     unfinished = path.with_name(f'.{path.name}.unfinished')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir()
     except OSError as error:
-        raise ImuAllanError(
-            f'{printable(path)}: cannot be created ({error.strerror}: '
-            f'{printable(error.filename)}); choose a folder that may be written to') from error
+        raise error_about(path, f'cannot be created ({error.strerror}: '
+                          f'{printable(error.filename)}); choose a folder that may be written '
+                          'to') from error
     try:
         # The library names the file after the directory.
         writer = Writer(unfinished / path.name, version=9,
@@ -84,9 +84,9 @@ def write_recording(
             _write(writer, blocks, topic)
         (unfinished / path.name).rename(path)
     except (OSError, sqlite3.OperationalError) as error:
-        raise ImuAllanError(
-            f'{printable(path)}: cannot be written ({getattr(error, "strerror", None) or error}); '
-            'choose a folder on a disk with more room') from error
+        raise error_about(path, 'cannot be written '
+                          f'({getattr(error, "strerror", None) or error}); choose a folder on a '
+                          'disk with more room') from error
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     return path

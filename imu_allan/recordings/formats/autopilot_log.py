@@ -29,7 +29,7 @@ from typing import ClassVar
 from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import collect, MessageBatch
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, printable
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Field, field_of
 from imu_allan.recordings.options import RecordingOptions
@@ -308,9 +308,8 @@ class ArduPilotRecording(AutopilotLog):
         try:
             from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
         except ImportError:
-            raise ImuAllanError(
-                f'{printable(self.path)}: ArduPilot logs need the package pymavlink; '
-                "pip install 'imu_allan[ardupilot]'") from None
+            raise error_about(self.path, 'ArduPilot logs need the package pymavlink; pip install '
+                              "'imu_allan[ardupilot]'") from None
 
         class Index(DFReader_binary):  # type: ignore[misc]
             def init_clock(self) -> None:
@@ -330,8 +329,8 @@ class ArduPilotRecording(AutopilotLog):
                             for column, letter in zip(form.columns, form.format, strict=False))
         # The library raises exceptions of many types on damaged files.
         except Exception as error:
-            raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
-                                f'({printable(error)[:80]})') from error
+            raise error_about(self.path, 'not a readable dataflash log '
+                              f'({printable(error)[:80]})') from error
         return located
 
     def _tables(self, kinds: Iterable[str]) -> Iterator[tuple[str, tuple[Field, ...], Rows, int]]:

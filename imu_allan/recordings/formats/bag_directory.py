@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import brief, ImuAllanError, printable
+from imu_allan.errors import brief, error_about, ImuAllanError, printable
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
@@ -37,9 +37,9 @@ class BagDirectory(Recording):
         listed = self._read_metadata()
         self._files = self._existing(listed) if listed else recorded_files(path)
         if not self._files:
-            raise ImuAllanError(f'{printable(path)}: ' + (
-                'holds no recording: no metadata.yaml and no .mcap or .db3 file'
-                if any(path.iterdir()) else 'an empty folder; name a recording'))
+            raise error_about(
+                path, 'holds no recording: no metadata.yaml and no .mcap or .db3 file'
+                if any(path.iterdir()) else 'an empty folder; name a recording')
         if (not self.topics or any(topic.count == 0 for topic in self.topics)
                 or any(map(may_hold_imu, self.other_topics.values()))
                 or TEMPERATURE_TYPES & set(self.other_topics.values())
@@ -126,7 +126,7 @@ class BagDirectory(Recording):
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
             reason = printable(' '.join(str(error).split())[:200])
             if not recorded_files(self.path):
-                raise ImuAllanError(f'{printable(path)}: damaged ({reason})') from error
+                raise error_about(path, f'damaged ({reason})') from error
             self.remark('no_metadata', reason=reason)
             return []
 
@@ -143,10 +143,9 @@ class BagDirectory(Recording):
             listed = ', '.join(brief(name) for name in missing[:10])
             if not found:
                 here = recorded_files(self.path)
-                raise ImuAllanError(
-                    f'{printable(self.path)}: missing {listed}: no file that metadata.yaml lists '
-                    'is there; copy them beside it'
-                    + (f', or name {printable(here[0].name)} itself' if here else ''))
+                itself = f', or name {printable(here[0].name)} itself' if here else ''
+                raise error_about(self.path, f'missing {listed}: no file that metadata.yaml lists '
+                                  f'is there; copy them beside it{itself}')
             self.remark(
                 'missing_file', missing=len(missing), listed=len(names), files=listed,
                 lost_share=len(missing) / len(names))

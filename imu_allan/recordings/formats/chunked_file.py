@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, ClassVar, Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MessageBatch, Serialization
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.decompress import DamagedData, LARGEST_CHUNK, ReadingLimits
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
@@ -170,8 +170,7 @@ class ChunkedRecording(FileRecording):
             self._counts, self._counted = dict(counts), bool(counts)
         reason = reading.first_damage or (reading.end if reading.end != _UNWRITTEN else '')
         if reason and not self._channels:
-            raise ImuAllanError(
-                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
+            raise error_about(self.path, f'damaged, no topic can be found in it: {reason}')
 
     def _parts(self, reading: 'Reading') -> Iterator[Part]:
         """Yield the chunks, and runs of records outside of chunks, in order."""

@@ -17,7 +17,7 @@ import re
 from typing import Any, BinaryIO
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.finding import finding
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.formats.csv_header import (
@@ -95,11 +95,10 @@ class CsvRecording(FileRecording):
                 yield self._block(table, stamps, samples, columns), position
                 samples += len(table)
         if rejected and not samples:
-            raise ImuAllanError(
-                f'{printable(self.path)}: {first_rejected} lacks a number in a column that is '
-                'read. A column that holds none can be left out: --columns names the others, and '
-                '--rate takes the place of the time. A time is a number or like '
-                '2024-06-24 19:02:59.75')
+            raise error_about(self.path, f'{first_rejected} lacks a number in a column that is '
+                              'read. A column that holds none can be left out: --columns names '
+                              'the others, and --rate takes the place of the time. A time is a '
+                              'number or like 2024-06-24 19:02:59.75')
         if rejected:
             self.remark(
                 'malformed_messages', what='line', count=rejected, first=first_rejected,
@@ -116,9 +115,8 @@ class CsvRecording(FileRecording):
                 last = b'' if data.endswith(b'\n') else file.readline(at_a_time + 1)
                 position = file.tell()
                 if len(last) > at_a_time:
-                    raise ImuAllanError(
-                        f'{printable(self.path)}: a line ending at byte {position} is longer '
-                        f'than {at_a_time} bytes; not a CSV file of samples')
+                    raise error_about(self.path, f'a line ending at byte {position} is longer '
+                                      f'than {at_a_time} bytes; not a CSV file of samples')
                 text = self._with_points(_decoded(data + last))
                 yield text.removesuffix('\n').split('\n'), position
 

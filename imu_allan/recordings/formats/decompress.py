@@ -17,7 +17,7 @@ import threading
 from typing import BinaryIO
 
 from imu_allan.cdr import batches_of, MessageBatch
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, printable
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import make_folder, Recording, remove_folder, room_in
 import lz4.frame  # type: ignore[import-untyped]
@@ -173,13 +173,13 @@ def _unpack(path: Path, stored: Path) -> str:
             while data := stream.read(1 << 22):
                 written += len(data)
                 if written > PLAIN_BYTES + MOST_RATIO * size:
-                    raise ImuAllanError(
-                        f'{printable(path)}: expands to more than {MOST_RATIO} times its size, as '
-                        'no recording of an IMU does; if it is one, unpack it with: zstd -d')
+                    raise error_about(path, f'expands to more than {MOST_RATIO} times its size, '
+                                      'as no recording of an IMU does; if it is one, unpack it '
+                                      'with: zstd -d')
                 if written > room:
-                    raise ImuAllanError(
-                        f'{printable(path)}: no room to decompress it in '
-                        f'{printable(stored.parents[1])}; name a larger folder with TMPDIR')
+                    raise error_about(path, 'no room to decompress it in '
+                                      f'{printable(stored.parents[1])}; name a larger folder with '
+                                      'TMPDIR')
                 out.write(data)
         except (zstandard.ZstdError, MemoryError) as error:
             damage = printable(error)
@@ -187,7 +187,6 @@ def _unpack(path: Path, stored: Path) -> str:
         # The library reports no error for a truncated frame.
         damage = damage or f'{declared - written} of {declared} bytes are missing'
     if written == 0:
-        raise ImuAllanError(
-            f'{printable(path)}: a damaged compressed file ({damage or "empty"}); nothing can be '
-            'read of it')
+        raise error_about(path, f'a damaged compressed file ({damage or "empty"}); nothing can be '
+                          'read of it')
     return damage

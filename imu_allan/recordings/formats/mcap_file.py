@@ -32,7 +32,7 @@ from typing import BinaryIO, TypeVar
 
 from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import anywhere, collect, MessageBatch, rows_like_first
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
@@ -104,7 +104,7 @@ class McapRecording(ChunkedRecording):
     def _read_index(self, file: BinaryIO) -> bool:
         """Read channels, counts and chunk offsets from the summary; return False without one."""
         if file.read(len(self._magic)) != self._magic:
-            raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
+            raise error_about(self.path, 'not an MCAP file')
         footer_size = _RECORD_HEAD + 20   # two offsets and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
         footer_at = self.size_bytes - footer_size - len(self._magic)
         if footer_at < len(self._magic):

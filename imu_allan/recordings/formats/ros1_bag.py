@@ -21,7 +21,7 @@ from typing import BinaryIO, NamedTuple
 
 from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import anywhere, collect, MessageBatch
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.chunked_file import (
     Channel,
     ChunkedRecording,
@@ -69,19 +69,16 @@ class Ros1Recording(ChunkedRecording):
         """Read connections and counts from the end of the bag; return False if it lacks them."""
         magic = file.read(len(self._magic))
         if self._magic.startswith(magic) and magic != self._magic:
-            raise ImuAllanError(f'{printable(self.path)}: cut short within its first line; copy '
-                                'it again')
+            raise error_about(self.path, 'cut short within its first line; copy it again')
         if magic != self._magic:
             version = magic[9:12].decode('ascii', 'replace').strip()
-            raise ImuAllanError(
-                f'{printable(self.path)}: ROS bag version {printable(version)} is not supported; '
-                'convert it to 2.0 with: rosbag fix')
+            raise error_about(self.path, f'ROS bag version {printable(version)} is not supported; '
+                              'convert it to 2.0 with: rosbag fix')
         bag_header = _record(file, len(self._magic), self.size_bytes)
         if bag_header is None:
             return False
         if bag_header.fields.get('encryptor'):
-            raise ImuAllanError(f'{printable(self.path)}: encrypted; decrypt it with: '
-                                'rosbag decrypt')
+            raise error_about(self.path, 'encrypted; decrypt it with: rosbag decrypt')
         at = 0
         with suppress(DamagedData):
             at = _number(bag_header.fields, 'index_pos', 8)

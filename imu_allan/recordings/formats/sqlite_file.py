@@ -28,7 +28,7 @@ import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -111,8 +111,8 @@ class SqliteRecording(FileRecording):
             try:
                 definitions = self._described()
             except sqlite3.Error:
-                raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
-                                    f'({printable(error)})') from error
+                raise error_about(self.path, 'not a readable rosbag2 database '
+                                  f'({printable(error)})') from error
         for name, kind in self._kinds.items():
             self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
         with suppress(sqlite3.Error), self._database() as database:

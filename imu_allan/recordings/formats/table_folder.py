@@ -9,7 +9,7 @@ from pathlib import Path
 import re
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import error_about, ImuAllanError
 from imu_allan.recordings.formats.csv_file import CsvRecording
 from imu_allan.recordings.formats.csv_header import NamesNoAxis
 from imu_allan.recordings.options import RecordingOptions
@@ -55,8 +55,8 @@ class TableFolder(Recording):
         self.alone: list[Path] = []
         if not all(halves.values()):
             if len(self._tables) == sum(map(len, halves.values())):
-                raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
-                                    f'together: {self._why_no_imu(halves)}')
+                raise error_about(path, 'a folder of CSV files that are no IMU together: '
+                                  f'{self._why_no_imu(halves)}')
             self.alone = [file for file in tables if file not in foreign]
         self.size_bytes = sum(table.size_bytes for table in self._tables.values())
         # In lower case, best first. Sensor Logger removes gravity from its Accelerometer.

@@ -134,8 +134,8 @@ class FieldsDecoder:
                 by_size.setdefault(batch.rows.shape[1], []).append(
                     (batch.rows, batch.receive_ns, np.arange(number, number + count)))
                 number += count
-        for alike in by_size.values():
-            rows, receive_ns, index = map(_joined, zip(*alike, strict=True))
+        for same_size in by_size.values():
+            rows, receive_ns, index = map(_joined, zip(*same_size, strict=True))
             for layout, which in self._groups(rows, on_malformed):
                 yield _extract(self._fields, self._stamps, layout, rows[which], receive_ns[which],
                                index[which], on_malformed)
