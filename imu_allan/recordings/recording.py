@@ -152,7 +152,7 @@ class Recording(ABC):
     def close(self) -> None:
         """Remove what was unpacked or copied."""
         for folder in self.folders:
-            remove_folder(folder)
+            shutil.rmtree(folder, ignore_errors=True)
 
     def for_another_topic(self) -> 'Recording':
         """Return this open recording for reading another topic, with its own remarks."""
@@ -186,21 +186,16 @@ class Recording(ABC):
             self.other_topics[topic] = type_name
         for name, messages in found.items():
             self.topics.append(ImuTopic(name, count, messages, topic))
-            self.list_own_thermometer(self.topics[-1])
+            if (thermometer := messages.fields.thermometer()) is not None:
+                self.thermometers.append(ImuTopic(
+                    f'{name}:{messages.fields.temperature}', count,
+                    replace(messages, fields=thermometer), topic))
         # A robot has only a few topics that may hold the temperature.
         if normal_name(type_name) in TEMPERATURE_TYPES and len(self.thermometers) < 64:
             with suppress(ImuAllanError):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))
         return bool(found)
-
-    def list_own_thermometer(self, imu: ImuTopic) -> None:
-        """Add the temperature that the messages of an Imu topic contain, if any."""
-        fields = imu.messages.fields
-        if (thermometer := fields.thermometer()) is not None:
-            self.thermometers.append(ImuTopic(
-                f'{imu.name}:{fields.temperature}', imu.count,
-                replace(imu.messages, fields=thermometer), imu.topic))
 
     def remark(self, code: str, *, lost_share: float = 0.0, **values: Any) -> None:
         """Add a finding unless it is already there, one to act upon if most is lost by it."""
@@ -240,10 +235,10 @@ RESERVED_DISK_BYTES = 1 << 28
 
 
 def make_folder() -> Path:
-    """Create a temporary folder that only this user can access."""
+    """Create a temporary folder that only this user can access, removed at exit at the latest."""
     folder = Path(tempfile.gettempdir(), f'imu_allan_{secrets.token_hex(8)}')
-    # Ctrl-C may come before the caller knows of the folder.
-    atexit.register(remove_folder, folder)
+    # Ctrl-C may come before the caller knows of the folder, or interrupt its removal.
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     folder.mkdir(mode=0o700)
     return folder
 
@@ -251,16 +246,6 @@ def make_folder() -> Path:
 def room_in(folder: Path | str) -> int:
     """Return the bytes that may be written to a folder; negative if its disk is nearly full."""
     return shutil.disk_usage(folder).free - RESERVED_DISK_BYTES
-
-
-def remove_folder(folder: Path) -> None:
-    """Remove a temporary folder with its content, even if a termination request interrupts."""
-    try:
-        shutil.rmtree(folder, ignore_errors=True)
-    except BaseException:
-        # `exit_on_sigterm` interrupts a process only once, so the second attempt completes.
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
 
 
 def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAllanError:

@@ -13,13 +13,14 @@ from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
 from itertools import groupby, islice
 from pathlib import Path
+import shutil
 import threading
 from typing import BinaryIO
 
 from imu_allan.cdr import batches_of, MessageBatch
 from imu_allan.errors import error_about, printable
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import make_folder, Recording, remove_folder, room_in
+from imu_allan.recordings.recording import make_folder, Recording, room_in
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import zstandard
@@ -150,7 +151,7 @@ def open_compressed(
         damage = _unpack(path, stored)
         recording = open_stored(path, stored, options)
     except BaseException:
-        remove_folder(folder)
+        shutil.rmtree(folder, ignore_errors=True)
         raise
     recording.folders.append(folder)
     if damage:

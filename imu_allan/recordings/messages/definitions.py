@@ -172,7 +172,9 @@ def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
         if not files:
             raise ImuAllanError(f'--definitions {printable(path)}: no .msg file in it')
         for file in files:
-            found.setdefault(_type_of(file), file)
+            folder = file.resolve().parent
+            kind = f'{folder.parent.name}/msg/{file.stem}' if folder.name == 'msg' else file.stem
+            found.setdefault(kind, file)
     return found
 
 
@@ -210,11 +212,6 @@ def _sourced(type_name: str) -> Path | None:
         if prefix and file.is_file():
             return file
     return None
-
-
-def _type_of(file: Path) -> str:
-    folder = file.resolve().parent
-    return f'{folder.parent.name}/msg/{file.stem}' if folder.name == 'msg' else file.stem
 
 
 def _named_types(text: str, package: str) -> list[str]:
