@@ -91,19 +91,17 @@ class AutopilotLog(FileRecording):
 
         Preferred is the fastest one, or the fastest gyroscope with its `partner`.
         """
-        paces: dict[str, _Pace | None] = {}
+        paces: dict[str, _Pace] = {}
         for name, fields, rows, _ in self._tables(self._kinds):
-            if name not in paces:
+            if name not in paces and name not in self.other_topics:
                 kind = self._kinds[name.partition('.')[0]]
-                listed = self.list_topic(name, kind, 'ros1', None, {kind: fields})
-                paces[name] = _Pace(self.imu(name).messages) if listed else None
-            if (pace := paces[name]) is not None:
-                pace.see(rows)
+                if self.list_topic(name, kind, 'ros1', None, {kind: fields}):
+                    paces[name] = _Pace(self.imu(name).messages)
+            if name in paces:
+                paces[name].see(rows)
         listed_imus, self.topics = self.topics, []
-        rates: dict[str, float] = {}
         for imu in listed_imus:
             pace = paces[imu.name]
-            assert pace is not None
             # No IMU is this slow; such messages are only for monitoring.
             if pace.hz < 20.0:
                 self.reasons[imu.name] = pace.malformed.reason or (
@@ -112,7 +110,7 @@ class AutopilotLog(FileRecording):
                 self.other_topics[imu.name] = imu.messages.type_name
             else:
                 self.topics.append(replace(imu, count=pace.messages))
-                rates[imu.name] = pace.hz
+        rates = {imu.name: paces[imu.name].hz for imu in self.topics}
         choices: list[tuple[str, ...]] = []
         for name in rates:
             base, dot, number = name.partition('.')
@@ -194,9 +192,9 @@ class _LogReader:
         self.damaged = 0
         self._names = names
         self._formats: dict[str, str] = {}
-        self._found: dict[int, _Subscription] = {}
-        # Those whose number another has taken over.
-        self._former: list[_Subscription] = []
+        self._numbered: dict[int, _Subscription] = {}
+        # With those whose number another has taken over.
+        self._latest: list[_Subscription] = []
 
     def through(self, data: bytes) -> int:
         """Step through messages; return the offset of the first incomplete one."""
@@ -219,7 +217,7 @@ class _LogReader:
             if after > size:
                 break
             if kind == 68:  # D
-                if (found := self._found.get(number)) is not None:
+                if (found := self._numbered.get(number)) is not None:
                     if length >= 2 + found.size:
                         found.starts.append(at + 5)
                     else:
@@ -236,12 +234,12 @@ class _LogReader:
 
     def extract(self, data: bytes) -> Iterator[tuple[str, tuple[Field, ...], Rows]]:
         """Yield the records found so far, by topic, with their fields."""
-        former, self._former = self._former, []
-        for found in (*former, *self._found.values()):
-            starts = np.array(found.starts, np.int64)
-            found.starts.clear()
-            if len(starts):
+        for found in self._latest:
+            if found.starts:
+                starts = np.array(found.starts, np.int64)
                 yield found.topic, found.fields, collect(data, starts, found.size)
+                found.starts.clear()
+        self._latest = [*self._numbered.values()]
 
     def _subscribe(self, body: bytes) -> None:
         """Start collecting the data of a topic if it is wanted."""
@@ -250,12 +248,12 @@ class _LogReader:
         if name not in self._formats:
             self.damaged += len(body) + 3
             return
-        if number in self._found:
-            self._former.append(self._found.pop(number))
+        self._numbered.pop(number, None)
         if name in self._names:
             fields = _fields(self._formats[name])
-            self._found[number] = _Subscription(
-                f'{name}.{body[0]}' if body[0] else name, fields, _size(fields))
+            found = _Subscription(f'{name}.{body[0]}' if body[0] else name, fields, _size(fields))
+            self._numbered[number] = found
+            self._latest.append(found)
 
 
 def _fields(text: str) -> tuple[Field, ...]:
