@@ -317,7 +317,11 @@ def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
                 pass_on()
             start = 0
             while start < len(block):
-                free += b'' if free else _returned_slots()
+                if not free:
+                    # Wait for slots whose messages have been copied.
+                    free += os.read(0, _SLOTS)
+                if not free:
+                    raise BrokenPipeError
                 part = block.part(slice(start, start + _SLOT_MESSAGES - filled))
                 for name, values in _arrays(slots[free[0]], filled, len(part)).items():
                     values[:] = getattr(part, name)
@@ -327,14 +331,6 @@ def _fill(decoded: Iterator[Read], slots: NDArray[np.void],
                     pass_on()
     finally:
         pass_on()
-
-
-def _returned_slots() -> bytes:
-    """Wait for slots whose messages have been copied."""
-    slots = os.read(0, _SLOTS)
-    if not slots:
-        raise BrokenPipeError
-    return slots
 
 
 def _keep_memory() -> None:
