@@ -14,7 +14,7 @@ ROS wiki, Bags/Format/2.0
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from io import BytesIO
 from typing import BinaryIO, NamedTuple
@@ -58,7 +58,7 @@ class Ros1Recording(ChunkedRecording):
         starts, stops = np.append(places, len(buffer)), np.append(0, bodies + 4 + sizes)
         gaps = np.flatnonzero(starts != stops)
         for stop, start in zip(stops[gaps].tolist(), starts[gaps].tolist(), strict=True):
-            self._gather_connections(BytesIO(buffer), stop, start)
+            self._read_connections(BytesIO(buffer), stop, start)
         chosen = np.isin(connections, [*reading.wanted & part.indexes.keys()])
         bodies, sizes, times = bodies[chosen], sizes[chosen], times[chosen]
         return (MessageBatch(collect(buffer, bodies[first:last], 4 + int(sizes[first]))[:, 4:],
@@ -79,30 +79,25 @@ class Ros1Recording(ChunkedRecording):
             return False
         if bag_header.fields.get('encryptor'):
             raise error_about(self.path, 'encrypted; decrypt it with: rosbag decrypt')
-        at = 0
-        with suppress(DamagedData):
-            at = _number(bag_header.fields, 'index_pos', 8)
-            counts: Counter[int] = Counter()
-            while 0 < at < self.size_bytes:
-                record = _record(file, at, self.size_bytes)
-                if record is None:
-                    return False
-                length = record.stop - record.start
-                if record.fields['op'] == _CONNECTION:
-                    self._describe(record.fields, file.read(min(length, LARGEST_DESCRIPTION)))
-                elif record.fields['op'] == _CHUNK_INFO:
-                    place = _number(record.fields, 'chunk_pos', 8)
+        counts: Counter[int] = Counter()
+        try:
+            index = _number(bag_header.fields, 'index_pos', 8)
+            for fields, length in _records(file, index, self.size_bytes,
+                                           {_CONNECTION, _CHUNK_INFO}):
+                if fields['op'] == _CONNECTION:
+                    self._describe(fields, file.read(min(length, LARGEST_DESCRIPTION)))
+                else:
+                    place = _number(fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
                         self._chunk_starts.append(place)
                     pairs = np.frombuffer(file.read(length // 8 * 8), '<u4').reshape(-1, 2)
                     for number, count in pairs.tolist():
                         counts[number] += count
-                else:
-                    return False
-                at = record.stop
-            self._chunk_starts.sort()
-            self._counts, self._counted = dict(counts), bool(counts)
-        return at == self.size_bytes
+        except DamagedData:
+            return False
+        self._chunk_starts.sort()
+        self._counts, self._counted = dict(counts), bool(counts)
+        return True
 
     def _describe(self, fields: _Fields, data: bytes) -> None:
         """Store a connection record, the first of its number, unless damaged."""
@@ -128,20 +123,14 @@ class Ros1Recording(ChunkedRecording):
                     record.start, (record.stop - record.start) // _ENTRY.itemsize)
         return Part(kind, at, record.stop, entries)
 
-    def _gather_connections(self, file: BinaryIO, at: int, stop: int) -> None:
+    def _read_connections(self, file: BinaryIO, at: int, stop: int) -> None:
         """Store the connections of the records between two messages of a chunk."""
-        # A robot has a few hundred topics.
-        for _ in range(10_000):
-            if at == stop:
-                return
-            record = _record(file, at, stop)
-            if record is None or record.fields['op'] != _CONNECTION:
-                raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
-                                  'record of a connection')
-            if record.stop - record.start <= LARGEST_DESCRIPTION:
-                self._describe(record.fields, file.read(record.stop - record.start))
-            at = record.stop
-        raise DamagedData('more connections than a bag has')
+        for number, (fields, length) in enumerate(_records(file, at, stop, {_CONNECTION})):
+            # A robot has a few hundred topics.
+            if number == 10_000:
+                raise DamagedData('more connections than a bag has')
+            if length <= LARGEST_DESCRIPTION:
+                self._describe(fields, file.read(length))
 
 
 class _Record(NamedTuple):
@@ -196,6 +185,18 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
         if 'op' in fields and start + length <= end:
             return _Record(fields, start, start + length)
     return None
+
+
+def _records(file: BinaryIO, at: int, stop: int, kinds: Container[bytes],
+             ) -> Iterator[tuple[_Fields, int]]:
+    """Yield fields and data length of records; raise DamagedData unless they fill the space."""
+    while at != stop:
+        record = _record(file, at, stop)
+        if record is None or record.fields['op'] not in kinds:
+            raise DamagedData(f'at byte {at} of it is neither a message of its index nor the '
+                              'record of a connection')
+        yield record.fields, record.stop - record.start
+        at = record.stop
 
 
 def _chunk_data(file: BinaryIO, part: Part, limits: ReadingLimits) -> bytes:
