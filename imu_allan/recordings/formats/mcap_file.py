@@ -27,7 +27,7 @@ from contextlib import suppress
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from struct import error as StructError, Struct
+from struct import error as StructError, Struct, unpack_from
 from typing import BinaryIO, TypeVar
 
 from imu_allan.arrays import Ints, runs
@@ -47,7 +47,7 @@ from imu_allan.recordings.options import RecordingOptions
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel as ChannelRecord, Footer, Schema, Statistics
+from mcap.records import Channel as ChannelRecord, Schema, Statistics
 import numpy as np
 from numpy.typing import NDArray
 
@@ -114,17 +114,14 @@ class McapRecording(ChunkedRecording):
         opcode, length = _OPCODE_LENGTH.unpack_from(tail)
         if opcode != Opcode.FOOTER or length != 20 or tail[-len(self._magic):] != self._magic:
             return False
-        footer = _parsed(Footer.read, tail[_RECORD_HEAD:footer_size])
-        if footer is None or not len(self._magic) <= footer.summary_start < footer_at:
-            return False
+        summary_start, _, crc = unpack_from('<QQI', tail, _RECORD_HEAD)
         # Two million indexes of 100 bytes. A larger summary is not loaded; the file is scanned
         # instead.
-        if footer_at - footer.summary_start > 1 << 28:
+        if not max(len(self._magic), footer_at - (1 << 28)) <= summary_start < footer_at:
             return False
-        file.seek(footer.summary_start)
-        summary = file.read(footer_at - footer.summary_start)
-        if footer.summary_crc and footer.summary_crc != crc32(
-                tail[:footer_size - 4], crc32(summary)):
+        file.seek(summary_start)
+        summary = file.read(footer_at - summary_start)
+        if crc and crc != crc32(tail[:footer_size - 4], crc32(summary)):
             return False
         at = 0
         while len(summary) - at >= _RECORD_HEAD:
