@@ -8,7 +8,8 @@ files is recognized by their first bytes, not from the metadata. A directory wit
 whose recorder was killed, is read as well.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -50,18 +51,14 @@ class BagDirectory(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read the files in turn."""
-        before = messages = 0
-        for file in self._files:
-            part, size = self._opened(file), file.stat().st_size
-            if part is not None:
-                with part:
-                    if topic in {item.name for item in (*part.topics, *part.thermometers)}:
-                        for block, position in part.decoded(topic):
-                            messages += len(block)
-                            # Of a compressed file, the position is that in the unpacked one.
-                            yield block, before + position * size // part.size_bytes
-                    self.keep_remarks_of(part, small=2 * size < self.size_bytes)
-            before += size
+        messages = 0
+        with closing(self._parts()) as parts:
+            for part, before, size in parts:
+                if topic in {item.name for item in (*part.topics, *part.thermometers)}:
+                    for block, position in part.decoded(topic):
+                        messages += len(block)
+                        # Of a compressed file, the position is that in the unpacked one.
+                        yield block, before + position * size // part.size_bytes
         counted = self.imu(topic).count or 0
         # Other remarks may already explain why messages are missing, unless most are.
         if 2 * messages < counted or (messages < counted and {
@@ -70,36 +67,40 @@ class BagDirectory(Recording):
             self.remark('lost_messages', found=messages, counted=counted, topic=printable(topic),
                         lost_share=1 - messages / counted)
 
-    def _opened(self, file: Path) -> Recording | None:
-        """Open one file; if it is not the only one, report an error as a remark."""
-        try:
-            return self._open_file(file, options=self.options)
-        except ImuAllanError as error:
-            if len(self._files) == 1:
-                raise
-            self.remark('damaged_recording', fault='file', reason=str(error))
-            return None
+    def _parts(self) -> Generator[tuple[Recording, int, int], None, None]:
+        """
+        Open the files in turn; yield each, the bytes before it and its own, and keep its remarks.
+
+        If a file is not the only one, an error is reported as a remark.
+        """
+        sizes = [file.stat().st_size for file in self._files]
+        for number, file in enumerate(self._files):
+            try:
+                part = self._open_file(file, options=self.options)
+            except ImuAllanError as error:
+                if len(sizes) == 1:
+                    raise
+                self.remark('damaged_recording', fault='file', reason=str(error))
+                continue
+            with part:
+                yield part, sum(sizes[:number]), sizes[number]
+                self.keep_remarks_of(part, small=2 * sizes[number] < self.size_bytes)
 
     def _list_from_files(self) -> None:
         counted = {topic.name: topic.count or None for topic in self.topics}
         listed = {topic.name: replace(topic, count=None) for topic in self.topics}
         found = dict(listed)
-        for file in self._files:
-            part = self._opened(file)
-            if part is None:
-                continue
-            with part:
-                for topic in part.topics:
-                    if topic.count is not None and topic.name in found:
-                        topic = replace(topic, count=topic.count + (found[topic.name].count or 0))
-                    found[topic.name] = topic
-                known = {thermometer.name for thermometer in self.thermometers}
-                self.thermometers += [replace(thermometer, count=None)
-                                      for thermometer in part.thermometers
-                                      if thermometer.name not in known]
-                self.other_topics.update(part.other_topics)
-                self.reasons.update(part.reasons)
-                self.keep_remarks_of(part)
+        for part, _, _ in self._parts():
+            for topic in part.topics:
+                if topic.count is not None and topic.name in found:
+                    topic = replace(topic, count=topic.count + (found[topic.name].count or 0))
+                found[topic.name] = topic
+            known = {thermometer.name for thermometer in self.thermometers}
+            self.thermometers += [replace(thermometer, count=None)
+                                  for thermometer in part.thermometers
+                                  if thermometer.name not in known]
+            self.other_topics.update(part.other_topics)
+            self.reasons.update(part.reasons)
         self.topics = [replace(topic, count=counted.get(name)) if topic.count is None else topic
                        for name, topic in found.items()
                        if topic is not listed.get(name) or name not in self.reasons]
