@@ -66,9 +66,6 @@ def open_recording(
                 return TableFolder(path, options)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
-        if _head(path, path).startswith(b'\x28\xb5\x2f\xfd'):
-            from imu_allan.recordings.formats.decompress import open_compressed
-            return open_compressed(path, open_stored, options)
         return open_stored(path, path, options)
     except OSError as error:
         raise unreadable_error(path, error) from error
@@ -204,6 +201,9 @@ def _head(path: Path, stored: Path) -> bytes:
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
     """Open a file by its first bytes; `stored` is the unpacked file if `path` is compressed."""
     head = _head(path, stored)
+    if stored == path and head.startswith(b'\x28\xb5\x2f\xfd'):
+        from imu_allan.recordings.formats.decompress import open_compressed
+        return open_compressed(path, open_stored, options)
     for first_bytes, module, name in (
             (b'\x89MCAP', 'mcap_file', 'McapRecording'),
             (b'SQLite format 3\0', 'sqlite_file', 'SqliteRecording'),
