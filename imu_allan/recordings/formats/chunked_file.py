@@ -5,7 +5,7 @@
 from abc import abstractmethod
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Set as AbstractSet
+from collections.abc import Iterable, Iterator, Mapping, Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Literal
@@ -21,10 +21,6 @@ from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMes
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST_DESCRIPTION = 1 << 22
-"""Bytes of a record that describes a channel; far more than any definition has."""
-MOST_CHANNELS = 1 << 16
-"""As many as the numbers of an MCAP file."""
 WINDOW = 1 << 22
 """Most bytes read at a time outside of chunks."""
 _UNWRITTEN = 'what was not yet written is missing'
@@ -84,6 +80,12 @@ class ChunkedRecording(FileRecording):
     """A chunked file whose channels are described in an index at its end or in the chunks."""
 
     _magic: ClassVar[bytes]
+    _kinds: ClassVar[Mapping[Any, Kind | None]]
+    """Kinds of records, by what marks them."""
+    _largest_description: ClassVar = 1 << 22
+    """Bytes of a record that describes a channel; far more than any definition has."""
+    _most_channels: ClassVar = 1 << 16
+    """As many as the numbers of an MCAP file."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)

@@ -22,25 +22,18 @@ MCAP format specification, https://mcap.dev/spec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set as AbstractSet
+from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from contextlib import suppress
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from struct import error as StructError, Struct, unpack_from
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, ClassVar, TypeVar
 
 from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import anywhere, collect, MessageBatch, rows_like_first
 from imu_allan.errors import error_about
-from imu_allan.recordings.formats.chunked_file import (
-    Channel,
-    ChunkedRecording,
-    Kind,
-    LARGEST_DESCRIPTION,
-    Part,
-    Reading,
-)
+from imu_allan.recordings.formats.chunked_file import Channel, ChunkedRecording, Part, Reading
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits, unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
@@ -64,10 +57,6 @@ _LONGEST_NAME = 4096
 """DDS allows 255 characters; a much longer name is damage and is not kept in memory."""
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('place', '<u8')])
 """An entry of the index after a chunk: receive stamp, and offset of a message."""
-_KINDS: Mapping[int, Kind | None] = {
-    0: None, Opcode.CHUNK: 'chunk', Opcode.MESSAGE_INDEX: 'index',
-    **dict.fromkeys((Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL), 'message'),
-    **dict.fromkeys((Opcode.DATA_END, Opcode.FOOTER), 'end')}
 _RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
@@ -86,6 +75,10 @@ class McapRecording(ChunkedRecording):
     """An MCAP file."""
 
     _magic = b'\x89MCAP0\r\n'
+    _kinds: ClassVar = {
+        0: None, Opcode.CHUNK: 'chunk', Opcode.MESSAGE_INDEX: 'index',
+        **dict.fromkeys((Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL), 'message'),
+        **dict.fromkeys((Opcode.DATA_END, Opcode.FOOTER), 'end')}
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
@@ -128,7 +121,7 @@ class McapRecording(ChunkedRecording):
             opcode, length = _OPCODE_LENGTH.unpack_from(summary, at)
             body = summary[at + _RECORD_HEAD:at + _RECORD_HEAD + length]
             at += _RECORD_HEAD + length
-            if opcode == Opcode.STATISTICS and len(body) <= LARGEST_DESCRIPTION:
+            if opcode == Opcode.STATISTICS and len(body) <= self._largest_description:
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
@@ -150,7 +143,7 @@ class McapRecording(ChunkedRecording):
         number = int.from_bytes(body[:2], 'little')
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
         if (opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or number in known
-                or len(body) > LARGEST_DESCRIPTION):
+                or len(body) > self._largest_description):
             return
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)
@@ -170,7 +163,7 @@ class McapRecording(ChunkedRecording):
         file.seek(at)
         head = file.read(_RECORD_HEAD)
         opcode, length = _OPCODE_LENGTH.unpack(head) if len(head) == _RECORD_HEAD else (0, 0)
-        kind, start = _KINDS.get(opcode, 'other'), at + _RECORD_HEAD
+        kind, start = self._kinds.get(opcode, 'other'), at + _RECORD_HEAD
         stop = start + length
         if kind == 'index':
             number = int.from_bytes(file.read(2), 'little')

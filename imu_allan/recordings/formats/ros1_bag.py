@@ -14,31 +14,20 @@ ROS wiki, Bags/Format/2.0
 """
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator
 from contextlib import suppress
 from io import BytesIO
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, ClassVar, NamedTuple
 
 from imu_allan.arrays import Ints, runs
 from imu_allan.cdr import anywhere, collect, MessageBatch
 from imu_allan.errors import error_about, printable
-from imu_allan.recordings.formats.chunked_file import (
-    Channel,
-    ChunkedRecording,
-    Kind,
-    LARGEST_DESCRIPTION,
-    MOST_CHANNELS,
-    Part,
-    Reading,
-)
+from imu_allan.recordings.formats.chunked_file import Channel, ChunkedRecording, Part, Reading
 from imu_allan.recordings.formats.decompress import DamagedData, expanded, ReadingLimits
 from imu_allan.recordings.messages.definitions import Definition
 import numpy as np
 
 _CHUNK_INFO, _CONNECTION = b'\x06', b'\x07'
-_KINDS: Mapping[bytes, Kind] = {
-    b'\x04': 'index', b'\x05': 'chunk', _CHUNK_INFO: 'end', _CONNECTION: 'end'}
-"""Record types, by the values of the field `op`."""
 _ENTRY = np.dtype([('sec', '<u4'), ('nanosec', '<u4'), ('place', '<u4')])
 """An entry of the index after a chunk: receive stamp, and offset of a message."""
 
@@ -49,6 +38,7 @@ class Ros1Recording(ChunkedRecording):
     """A ROS 1 bag; raises ImuAllanError if it is encrypted or of another version."""
 
     _magic = b'#ROSBAG V2.0\n'
+    _kinds: ClassVar = {b'\x04': 'index', b'\x05': 'chunk', _CHUNK_INFO: 'end', _CONNECTION: 'end'}
 
     def _batches(self, reading: Reading, part: Part) -> tuple[Iterable[MessageBatch], str]:
         buffer = _chunk_data(reading.file, part, reading.limits)
@@ -85,7 +75,7 @@ class Ros1Recording(ChunkedRecording):
             for fields, length in _records(file, index, self.size_bytes,
                                            {_CONNECTION, _CHUNK_INFO}):
                 if fields['op'] == _CONNECTION:
-                    self._describe(fields, file.read(min(length, LARGEST_DESCRIPTION)))
+                    self._describe(fields, file.read(min(length, self._largest_description)))
                 else:
                     place = _number(fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
@@ -103,7 +93,7 @@ class Ros1Recording(ChunkedRecording):
         """Store a connection record, the first of its number, unless damaged."""
         with suppress(DamagedData):
             number, topic = _number(fields, 'conn', 4), _text(fields, 'topic')
-            if number in self._channels or len(self._channels) >= MOST_CHANNELS:
+            if number in self._channels or len(self._channels) >= self._most_channels:
                 return
             described = _fields_of(data)
             text = described.get('message_definition', b'').decode('utf-8', 'replace')
@@ -115,7 +105,7 @@ class Ros1Recording(ChunkedRecording):
         record = _record(file, at, self.size_bytes)
         if record is None:
             return Part(None)
-        kind = _KINDS.get(record.fields['op'], 'other')
+        kind = self._kinds.get(record.fields['op'], 'other')
         entries = {}
         if kind == 'index':
             with suppress(DamagedData):
@@ -129,7 +119,7 @@ class Ros1Recording(ChunkedRecording):
             # A robot has a few hundred topics.
             if number == 10_000:
                 raise DamagedData('more connections than a bag has')
-            if length <= LARGEST_DESCRIPTION:
+            if length <= self._largest_description:
                 self._describe(fields, file.read(length))
 
 

@@ -25,13 +25,7 @@ from typing import Any, Literal, NamedTuple
 
 from imu_allan.arrays import Array, Bools, Ints, runs
 from imu_allan.block import ImuBlock, joined
-from imu_allan.cdr import (
-    MalformedImu,
-    MessageBatch,
-    OnMalformed,
-    rows_like_first,
-    Serialization,
-)
+from imu_allan.cdr import MalformedImu, MessageBatch, OnMalformed, rows_like_first, Serialization
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, split_path, Stamp
