@@ -43,26 +43,20 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
 
     """
     names = recording.by_name
-    if topic is not None:
-        spellings = [topic, f'/{topic}', topic.removeprefix('/')]
-        chosen = next((name for name in spellings if name in names), None)
-        if chosen is None:
-            other = next((name for name in spellings if name in recording.other_topics), None)
-            if other is None:
-                raise error_about(
-                    recording.path, f'no topic {brief(topic)}; {_what_there_is(recording)}')
-            raise error_about(
-                recording.path, f'topic {brief(other)} is of type '
-                f'{brief(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
-                f'{_reason(recording, [other])}')
-    elif not names:
-        raise error_about(recording.path, _what_there_is(recording))
-    elif len(names) > 1:
+    if topic is None and len(names) > 1:
         raise error_about(
             recording.path, f'{len(names)} Imu topics; choose one with --topic, or analyze each '
             f'with --all-topics: {_list_topics(recording)}')
-    else:
-        [chosen] = names
+    spellings = [*names] if topic is None else [topic, f'/{topic}', topic.removeprefix('/')]
+    chosen = next((name for name in spellings if name in names), None)
+    if chosen is None:
+        other = next((name for name in spellings if name in recording.other_topics), None)
+        if other is not None:
+            raise error_about(recording.path, f'topic {brief(other)} is of type '
+                              f'{brief(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
+                              f'{_reason(recording, [other])}')
+        asked = '' if topic is None else f'no topic {brief(topic)}; '
+        raise error_about(recording.path, f'{asked}{_what_there_is(recording)}')
     if names[chosen].count == 0:
         raise error_about(recording.path, f'topic {brief(chosen)} has no messages; record it '
                           'while the IMU driver runs')
@@ -154,7 +148,11 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
                                 'give the one or the two')
         return _two(choose_topic(recording, gyro), choose_topic(recording, accel))
     if topic is None and recording.preferred:
-        _report_choice(recording)
+        others = [name for name in recording.by_name if name not in recording.preferred]
+        if others:
+            recording.remark('chosen_topic', topics=len(recording.topics),
+                             chosen=[*map(printable, recording.preferred)],
+                             reason=recording.preferred_for, others=[*map(printable, others)])
         if len(recording.preferred) == 2:
             return _two(*recording.preferred)
         [topic] = recording.preferred
@@ -171,16 +169,6 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
 
 def _two(gyro: str, accel: str) -> list[Stream]:
     return [Stream(gyro, 'gyro'), Stream(accel, 'accel')]
-
-
-def _report_choice(recording: Recording) -> None:
-    """Report which topics were preferred and which others could have been chosen."""
-    chosen = recording.preferred
-    others = [imu.name for imu in recording.topics if imu.name not in chosen]
-    if others:
-        recording.remark(
-            'chosen_topic', topics=len(recording.topics), chosen=[*map(printable, chosen)],
-            reason=recording.preferred_for, others=[*map(printable, others)])
 
 
 def _half_of(recording: Recording, topic: str) -> Half | None:
