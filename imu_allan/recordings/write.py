@@ -19,12 +19,8 @@ Compression = Literal['', 'zstd']
 
 
 def write_recording(
-    path: Path | str,
-    blocks: Iterable[ImuBlock],
-    *,
-    topic: str = '/imu/data_raw',
-    storage: Storage = 'mcap',
-    compression: Compression = 'zstd',
+    path: Path | str, blocks: Iterable[ImuBlock], *, topic: str = '/imu/data_raw',
+    storage: Storage = 'mcap', compression: Compression = 'zstd',
 ) -> Path:
     """
     Write a rosbag2 directory.
