@@ -249,11 +249,9 @@ def gather(buffer: bytes, wanted: AbstractSet[int], describe: Describe,
                         return chain.from_iterable(batches), end
             if int.from_bytes(key[_RECORD_HEAD:], 'little') in wanted:
                 if run:
-                    if scattered:
-                        batches.append(_collected(buffer, scattered))
-                        scattered = []
-                    batches.append([_batch(np.ndarray(
-                        (count, stride), np.uint8, buffer, at, (stride, 1)))])
+                    records = np.ndarray((count, stride), np.uint8, buffer, at, (stride, 1))
+                    batches += [_collected(buffer, scattered), [_batch(records)]]
+                    scattered = []
                 else:
                     scattered.append(at)
             at += count * stride
