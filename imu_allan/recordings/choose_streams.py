@@ -17,7 +17,7 @@ from typing import Literal
 from imu_allan.arrays import Array, Ints
 from imu_allan.block import Half, HALVES, ImuBlock
 from imu_allan.errors import brief, error_about, ImuAllanError, printable
-from imu_allan.recordings.messages.imus_in import may_hold_imu
+from imu_allan.recordings.messages.type_names import may_hold_imu
 from imu_allan.recordings.recording import Recording
 from imu_allan.wording import counted, NO_TOPIC
 import numpy as np

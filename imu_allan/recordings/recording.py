@@ -21,14 +21,8 @@ from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.finding import CODES, Finding, finding
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name, Types
-from imu_allan.recordings.messages.imus_in import (
-    IMU_MESSAGES,
-    IMU_TYPES,
-    imus_in,
-    may_hold_imu,
-    TEMPERATURE_TYPES,
-    thermometer_in,
-)
+from imu_allan.recordings.messages.imus_in import IMU_MESSAGES, imus_in, thermometer_in
+from imu_allan.recordings.messages.type_names import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import brief, error_about, ImuAllanError, printable
-from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
+from imu_allan.recordings.messages.type_names import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
 from imu_allan.wording import natural

@@ -15,7 +15,7 @@ from imu_allan.cdr import MessageBatch, Serialization
 from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.decompress import DamagedData, LARGEST_CHUNK, ReadingLimits
 from imu_allan.recordings.messages.definitions import Definition, normal_name
-from imu_allan.recordings.messages.imus_in import IMU_TYPES
+from imu_allan.recordings.messages.type_names import IMU_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages, Recording
 import numpy as np

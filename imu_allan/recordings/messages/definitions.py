@@ -178,13 +178,13 @@ def definition_files(paths: tuple[Path | str, ...]) -> Mapping[str, Path]:
     return found
 
 
-def find_definition(type_name: str, files: Mapping[str, Path]) -> Definition | None:
+def find_definition(type_name: str, paths: tuple[Path | str, ...]) -> Definition | None:
     """
     Assemble the definition of a type and its nested types; return None if there is none.
 
-    Each is read from `files`, or else from sourced packages.
+    Each is read from the files in `paths`, or else from sourced packages.
     """
-    name = normal_name(type_name)
+    name, files = normal_name(type_name), definition_files(paths)
     texts: dict[str, str] = {}
     wanted = [name]
     while wanted:

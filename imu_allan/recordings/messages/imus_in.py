@@ -11,7 +11,6 @@ from imu_allan.errors import brief, ImuAllanError
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import (
     Definition,
-    definition_files,
     Field,
     find_definition,
     imu_types,
@@ -28,25 +27,11 @@ from imu_allan.recordings.messages.imu_fields import (
     TIME,
     Vector,
 )
+from imu_allan.recordings.messages.type_names import may_hold_imu
 from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
 
 IMU_MESSAGES = ImuMessages(IMU_TYPE, IMU_FIELDS, imu_types('cdr'))
 """How sensor_msgs/Imu is read."""
-IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
-"""Type names in ROS 2 and ROS 1."""
-
-TEMPERATURE_TYPES = frozenset({'sensor_msgs/msg/Temperature', 'sensor_msgs/Temperature'})
-
-
-def may_hold_imu(type_name: str) -> bool:
-    """Return whether messages of a type might hold IMU samples, judged by its name."""
-    # None of the types of ROS itself, other than Imu, holds IMU samples.
-    of_ros = frozenset({
-        'action_msgs', 'actionlib_msgs', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
-        'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
-        'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
-        'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
-    return type_name.partition('/')[0] not in of_ros
 
 
 def imus_in(
@@ -152,7 +137,7 @@ def _types(kind: str, serialization: Serialization, carried: Definition | Types 
 def _definition_of(kind: str, serialization: Serialization, carried: Definition | Types | None,
                    options: RecordingOptions) -> Definition | Types:
     """Return the definition in the recording, or else that of the user, of a package or of ROS."""
-    found = carried or find_definition(kind, definition_files(options.definitions))
+    found = carried or find_definition(kind, options.definitions)
     if found is None and not may_hold_imu(kind):
         # `parse` supplies ROS types only as nested fields, so wrap the type in another message.
         outer = parse('imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
