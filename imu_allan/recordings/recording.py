@@ -228,18 +228,17 @@ RESERVED_DISK_BYTES = 1 << 28
 """Bytes on the disk of the temporary folder that are always left free."""
 
 
-def make_folder() -> Path:
-    """Create a temporary folder that only this user can access, removed at exit at the latest."""
+def make_folder() -> tuple[Path, int]:
+    """
+    Create a temporary folder that only this user can access, removed at exit at the latest.
+
+    Also return the bytes that may be written to it; negative if its disk is nearly full.
+    """
     folder = Path(tempfile.gettempdir(), f'imu_allan_{secrets.token_hex(8)}')
     # Ctrl-C may come before the caller knows of the folder, or interrupt its removal.
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     folder.mkdir(mode=0o700)
-    return folder
-
-
-def room_in(folder: Path | str) -> int:
-    """Return the bytes that may be written to a folder; negative if its disk is nearly full."""
-    return shutil.disk_usage(folder).free - RESERVED_DISK_BYTES
+    return folder, shutil.disk_usage(folder).free - RESERVED_DISK_BYTES
 
 
 def unreadable_error(recording: Path, error: OSError, what: str = '') -> ImuAllanError:

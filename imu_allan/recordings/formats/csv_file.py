@@ -16,6 +16,7 @@ from pathlib import Path
 import re
 from typing import Any, BinaryIO
 
+from imu_allan.arrays import Array, Ints
 from imu_allan.block import ImuBlock
 from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.finding import finding
@@ -120,8 +121,7 @@ class CsvRecording(FileRecording):
                 text = self._with_points(_decoded(data + last))
                 yield text.removesuffix('\n').split('\n'), position
 
-    def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
-               first: int, columns: Columns) -> ImuBlock:
+    def _block(self, table: Array, stamps: Ints | None, first: int, columns: Columns) -> ImuBlock:
         if stamps is None:
             assert self.options.rate_hz is not None
             seconds = np.arange(first, first + len(table)) / self.options.rate_hz
@@ -243,8 +243,7 @@ def _decoded(data: bytes) -> str:
     return text.replace('\N{MINUS SIGN}', '-')
 
 
-def _parse(lines: list[str], columns: Columns,
-           ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, list[int]]:
+def _parse(lines: list[str], columns: Columns) -> tuple[Array, Ints | None, list[int]]:
     """Parse lines to a table, axes first, stamps in ns (or None) and indices of bad lines."""
     axes = [column for column, _, _ in columns.axes]
     clock = columns.clock
@@ -278,8 +277,7 @@ def _parse(lines: list[str], columns: Columns,
 
 
 def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
-             kind: type[float] = float,
-             ) -> tuple[NDArray[Any], NDArray[np.intp], list[int]]:
+             kind: type[float] = float) -> tuple[NDArray[Any], Ints, list[int]]:
     """Parse columns; return the table, its line indices, and those of other nonempty lines."""
     # Of blank lines alone numpy would warn.
     if any(map(str.strip, lines)):
@@ -299,7 +297,7 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
                 places.append(number)
             except (ValueError, IndexError):
                 bad.append(number)
-    return np.array(rows, kind).reshape(-1, len(used)), np.array(places, np.intp), bad
+    return np.array(rows, kind).reshape(-1, len(used)), np.array(places, np.int64), bad
 
 
 def _nanoseconds(time: re.Match[str]) -> str:

@@ -20,7 +20,7 @@ from typing import BinaryIO
 from imu_allan.cdr import batches_of, MessageBatch
 from imu_allan.errors import error_about, printable
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import make_folder, Recording, room_in
+from imu_allan.recordings.recording import make_folder, Recording
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import zstandard
@@ -145,10 +145,10 @@ def open_compressed(
     options: RecordingOptions,
 ) -> Recording:
     """Unpack a zstd-compressed file and open it; raise ImuAllanError if there is no room."""
-    folder = make_folder()
+    folder, room = make_folder()
     try:
         stored = folder / 'recording'
-        damage = _unpack(path, stored)
+        damage = _unpack(path, stored, room)
         recording = open_stored(path, stored, options)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
@@ -159,11 +159,9 @@ def open_compressed(
     return recording
 
 
-def _unpack(path: Path, stored: Path) -> str:
-    """Unpack a file as far as possible; return what is damaged, or ''."""
-    room, size = room_in(stored.parent), path.stat().st_size
-    written = 0
-    damage = ''
+def _unpack(path: Path, stored: Path, room: int) -> str:
+    """Unpack a file as far as possible into `room` bytes; return what is damaged, or ''."""
+    size, written, damage = path.stat().st_size, 0, ''
     with path.open('rb') as file, stored.open('wb') as out:
         # Magic number and frame header of zstd have at most 4 + 14 bytes (RFC 8878, 3.1.1.1).
         declared = _declared_size(file.read(18))

@@ -24,7 +24,6 @@ import shutil
 import sqlite3
 import stat
 from struct import unpack_from
-import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import batches_of, MalformedImu
@@ -32,13 +31,7 @@ from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import (
-    FileRecording,
-    ImuTopic,
-    make_folder,
-    MalformedMessages,
-    room_in,
-)
+from imu_allan.recordings.recording import FileRecording, ImuTopic, make_folder, MalformedMessages
 import numpy as np
 
 _OF_TOPIC = ('topic_id IN (SELECT rowid FROM topics NOT INDEXED WHERE name = :name '
@@ -127,13 +120,14 @@ class SqliteRecording(FileRecording):
                 if isinstance(stamp, int)]
 
     def _work_on_copy(self, log: Path) -> None:
-        if self._room > room_in(tempfile.gettempdir()):
-            raise OSError(f'no room for a copy in {tempfile.gettempdir()}; name a larger folder '
-                          'with TMPDIR')
-        self.folders.append(make_folder())
+        folder, room = make_folder()
+        self.folders.append(folder)
+        if self._room > room:
+            raise OSError(f'no room for a copy in {folder.parent}; name a larger folder with '
+                          'TMPDIR')
         for file in (log, self._stored):
-            shutil.copyfile(file, self.folders[-1] / file.name, follow_symlinks=False)
-        self._stored = self.folders[-1] / self._stored.name
+            shutil.copyfile(file, folder / file.name, follow_symlinks=False)
+        self._stored = folder / self._stored.name
 
     def _note_missing_end(self) -> None:
         """Add a remark if the file is shorter than its header says, and tolerate that."""
