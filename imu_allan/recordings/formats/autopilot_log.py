@@ -19,6 +19,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 import os
 from pathlib import Path
 import re
@@ -31,7 +32,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import collect, MessageBatch
 from imu_allan.errors import error_about, printable
 from imu_allan.recordings.messages.decoder import ImuMessages
-from imu_allan.recordings.messages.definitions import Field, field_of
+from imu_allan.recordings.messages.definitions import Field, fields_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, MalformedMessages
 import numpy as np
@@ -258,16 +259,9 @@ class _LogReader:
 
 def _fields(text: str) -> tuple[Field, ...]:
     """Return the fields of a format up to the first that is not a number; IMUs have none."""
-    fields: list[Field] = []
-    for written in text.split(';'):
-        found = re.fullmatch(r'(\w+?)(?:_t)?(?:\[([1-9]\d{0,3})\])? (\w+)', written)
-        if found is None:
-            break
-        kind = {'float': 'float32', 'double': 'float64'}.get(found[1], found[1])
-        one = field_of(found[3], kind, int(found[2]) if found[2] else None)
-        if one.is_message or one.kind == 'string':
-            break
-        fields.append(one)
+    # Types have the names of C, such as uint8_t.
+    fields = [*takewhile(lambda one: not one.is_message and one.kind != 'string',
+                         fields_in(re.sub(r'_t(?=[ [])', '', text)))]
     # Trailing padding is not logged.
     while fields and fields[-1].name.startswith('_padding'):
         del fields[-1]

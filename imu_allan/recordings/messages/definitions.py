@@ -6,7 +6,7 @@ Definitions of message types, from a recording, from the user, or from sourced p
 The `rosbags` library parses them; this module converts them to the ordered fields of each type.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 import os
@@ -29,7 +29,7 @@ _LARGEST = 1 << 20
 _BASE = {
     'bool': 'u1', 'byte': 'u1', 'octet': 'u1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1',
     'int16': 'i2', 'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8',
-    'float32': 'f4', 'float64': 'f8', 'string': 'string'}
+    'float32': 'f4', 'float': 'f4', 'float64': 'f8', 'double': 'f8', 'string': 'string'}
 
 
 @dataclass(frozen=True)
@@ -74,26 +74,30 @@ def field_of(name: str, kind: str, count: int | None = None) -> Field:
     return Field(name, _BASE.get(kind, kind), kind not in _BASE, count)
 
 
+def fields_in(text: str) -> Iterator[Field]:
+    """Parse fields such as ``float64[9] covariance``, separated by semicolons, up to damage."""
+    for written in text.split(';'):
+        found = re.fullmatch(r'([\w/]+)(?:\[([1-9]\d{0,3})\])? (\w+)', written)
+        if found is None:
+            return
+        yield field_of(found[3], found[1], int(found[2]) if found[2] else None)
+
+
 @lru_cache
 def imu_types(serialization: Serialization) -> Types:
     """Return the fields of sensor_msgs/Imu, for which no parser has to be imported."""
-    ros1 = serialization == 'ros1'
-    return {
+    sequence, unsigned = ('uint32 seq;', 'u') if serialization == 'ros1' else ('', '')
+    return {name: tuple(fields_in(text)) for name, text in {
         'sensor_msgs/msg/Imu': (
-            field_of('header', 'std_msgs/msg/Header'),
-            field_of('orientation', 'geometry_msgs/msg/Quaternion'),
-            field_of('orientation_covariance', 'float64', 9),
-            field_of('angular_velocity', 'geometry_msgs/msg/Vector3'),
-            field_of('angular_velocity_covariance', 'float64', 9),
-            field_of('linear_acceleration', 'geometry_msgs/msg/Vector3'),
-            field_of('linear_acceleration_covariance', 'float64', 9)),
-        'std_msgs/msg/Header': (
-            *([field_of('seq', 'uint32')] if ros1 else []),
-            field_of('stamp', 'builtin_interfaces/msg/Time'), field_of('frame_id', 'string')),
-        'builtin_interfaces/msg/Time': (
-            field_of('sec', 'uint32' if ros1 else 'int32'), field_of('nanosec', 'uint32')),
-        'geometry_msgs/msg/Quaternion': tuple(field_of(axis, 'float64') for axis in 'xyzw'),
-        'geometry_msgs/msg/Vector3': tuple(field_of(axis, 'float64') for axis in 'xyz')}
+            'std_msgs/msg/Header header;'
+            'geometry_msgs/msg/Quaternion orientation;float64[9] orientation_covariance;'
+            'geometry_msgs/msg/Vector3 angular_velocity;float64[9] angular_velocity_covariance;'
+            'geometry_msgs/msg/Vector3 linear_acceleration;'
+            'float64[9] linear_acceleration_covariance'),
+        'std_msgs/msg/Header': f'{sequence}builtin_interfaces/msg/Time stamp;string frame_id',
+        'builtin_interfaces/msg/Time': f'{unsigned}int32 sec;uint32 nanosec',
+        'geometry_msgs/msg/Quaternion': 'float64 x;float64 y;float64 z;float64 w',
+        'geometry_msgs/msg/Vector3': 'float64 x;float64 y;float64 z'}.items()}
 
 
 def normal_name(type_name: str) -> str:
