@@ -4,7 +4,7 @@
 
 from abc import ABC, abstractmethod
 import atexit
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ import tempfile
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu, Serialization
+from imu_allan.cdr import MalformedImu, MessageBatch, Serialization
 from imu_allan.errors import error_about, ImuAllanError, printable
 from imu_allan.finding import CODES, Finding, finding
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -55,26 +55,32 @@ class ImuTopic:
         return self.source or self.name
 
 
-class MalformedMessages:
-    """Counter of malformed messages on an Imu topic that keeps the first reason."""
+class TopicDecoder:
+    """Decoder of one reading of an Imu topic that counts samples and malformed messages."""
 
-    def __init__(self) -> None:
-        self.count = 0
+    def __init__(self, imu: ImuTopic) -> None:
+        self.imu, self._decode = imu, imu.messages.decoder()
+        self.samples = self.malformed = 0
         self.reason = ''
 
-    def __call__(self, count: int, error: MalformedImu) -> None:
-        self.count += count
+    def __call__(self, batches: Iterable[MessageBatch]) -> list[ImuBlock]:
+        blocks = self._decode(batches, self.reject)
+        self.samples += sum(map(len, blocks))
+        return blocks
+
+    def reject(self, count: int, error: MalformedImu) -> None:
+        """Count malformed messages and keep the first reason."""
+        self.malformed += count
         self.reason = self.reason or str(error)
 
-    def report(self, imu: ImuTopic, remark: Callable[..., None]) -> None:
+    def report(self, remark: Callable[..., None]) -> None:
         """Pass a finding to `remark` if any message of the topic was malformed."""
-        if self.count:
-            kind = imu.messages.type_name
-            kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
-            remark(
-                'malformed_messages', what='message', count=self.count,
-                lost_share=self.count / (imu.count or float('inf')),
-                topic=printable(imu.name), type=kind, first=self.reason)
+        if self.malformed:
+            kind = self.imu.messages.type_name
+            remark('malformed_messages', what='message', count=self.malformed,
+                   lost_share=self.malformed / (self.imu.count or float('inf')),
+                   topic=printable(self.imu.name), first=self.reason,
+                   type='sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind))
 
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')

@@ -31,10 +31,9 @@ from imu_allan.arrays import Ints
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import collect, MessageBatch
 from imu_allan.errors import error_about, printable
-from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Field, fields_in
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, MalformedMessages
+from imu_allan.recordings.recording import FileRecording, ImuTopic, TopicDecoder
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,15 +44,15 @@ Rows = NDArray[np.uint8]
 class _Pace:
     """Rate of the samples of an IMU, found while its log is opened."""
 
-    def __init__(self, messages: ImuMessages) -> None:
-        self.decode, self.malformed = messages.decoder(), MalformedMessages()
+    def __init__(self, imu: ImuTopic) -> None:
+        self.decode = TopicDecoder(imu)
         self.messages = self._steps = self._time_ns = 0
         self._last_ns: int | None = None
 
     def see(self, rows: Rows) -> None:
         """Count the samples of some records, and the time between them."""
         self.messages += len(rows)
-        for block in self.decode([_batch(rows)], self.malformed):
+        for block in self.decode([_batch(rows)]):
             stamps = block.header_ns
             steps = np.diff(stamps, prepend=stamps[0] if self._last_ns is None else self._last_ns)
             # Between two flights, ArduPilot pauses.
@@ -97,7 +96,7 @@ class AutopilotLog(FileRecording):
             if name not in paces and name not in self.other_topics:
                 kind = self._kinds[name.partition('.')[0]]
                 if self.list_topic(name, kind, 'ros1', None, {kind: fields}):
-                    paces[name] = _Pace(self.imu(name).messages)
+                    paces[name] = _Pace(self.imu(name))
             if name in paces:
                 paces[name].see(rows)
         listed_imus, self.topics = self.topics, []
@@ -105,7 +104,7 @@ class AutopilotLog(FileRecording):
             pace = paces[imu.name]
             # No IMU is this slow; such messages are only for monitoring.
             if pace.hz < 20.0:
-                self.reasons[imu.name] = pace.malformed.reason or (
+                self.reasons[imu.name] = pace.decode.reason or (
                     f'{pace.hz:.3g} Hz are too thin; {advice}' if imu.messages.fields.stamps
                     else 'its messages have no time')
                 self.other_topics[imu.name] = imu.messages.type_name
@@ -124,13 +123,13 @@ class AutopilotLog(FileRecording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks with the bytes consumed so far; the stamps serve as receive times."""
-        imu = self.imu(topic)
-        decode, malformed = imu.messages.decoder(), MalformedMessages()
-        for name, _, rows, position in self._tables([imu.topic.partition('.')[0]]):
-            if name == imu.topic:
-                for block in decode([_batch(rows)], malformed):
+        decode = TopicDecoder(self.imu(topic))
+        recorded = decode.imu.topic
+        for name, _, rows, position in self._tables([recorded.partition('.')[0]]):
+            if name == recorded:
+                for block in decode([_batch(rows)]):
                     yield replace(block, receive_ns=block.header_ns), position
-        malformed.report(imu, self.remark)
+        decode.report(self.remark)
 
 
 # --------------------------------------------------------------------------------------------- PX4

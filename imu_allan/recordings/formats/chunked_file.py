@@ -17,7 +17,7 @@ from imu_allan.recordings.formats.decompress import DamagedData, LARGEST_CHUNK, 
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.type_names import IMU_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic, Recording, TopicDecoder
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,29 +118,26 @@ class ChunkedRecording(FileRecording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the number of bytes consumed so far."""
-        imu = self.imu(topic)
-        decoder = imu.messages.decoder()
-        wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        malformed = MalformedMessages()
-        messages = 0
+        decode = TopicDecoder(self.imu(topic))
+        wanted = {number for number, channel in self._channels.items()
+                  if channel.is_of(decode.imu)}
         with self._stored.open('rb') as file:
             reading = Reading(file, ReadingLimits(self.path), wanted)
 
-            def decode(part: Part) -> list[ImuBlock]:
+            def blocks_of(part: Part) -> list[ImuBlock]:
                 batches = self._intact(reading, part)
-                return [block for held in in_lists(batches) for block in decoder(held, malformed)]
+                return [block for held in in_lists(batches) for block in decode(held)]
 
             for part in self._parts(reading):
                 if part.indexes and not wanted & part.indexes.keys():
                     continue
                 # Hold no buffer while the caller works. Memory freed before the next buffer is
                 # allocated is reused, which saves a quarter of the decompression time.
-                for block in decode(part):
-                    messages += len(block)
+                for block in blocks_of(part):
                     yield block, part.start
-        malformed.report(imu, self.remark)
+        decode.report(self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
-        reading.report(self, topic, expected - messages - malformed.count, expected)
+        reading.report(self, topic, expected - decode.samples - decode.malformed, expected)
 
     def _intact(self, reading: 'Reading', part: Part) -> Iterable[MessageBatch]:
         """Gather the messages of a part as far as it is intact, and note its damage."""

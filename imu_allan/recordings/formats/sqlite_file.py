@@ -31,7 +31,7 @@ from imu_allan.errors import error_about, printable
 from imu_allan.recordings.formats.decompress import ReadingLimits, unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, make_folder, MalformedMessages
+from imu_allan.recordings.recording import FileRecording, ImuTopic, make_folder, TopicDecoder
 import numpy as np
 
 _OF_TOPIC = ('topic_id IN (SELECT rowid FROM topics NOT INDEXED WHERE name = :name '
@@ -59,15 +59,14 @@ class SqliteRecording(FileRecording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks in the order of recording, each with the number of bytes consumed so far."""
-        imu = self.imu(topic)
-        decode, malformed = imu.messages.decoder(), MalformedMessages()
+        decode = TopicDecoder(self.imu(topic))
         limits = ReadingLimits(self.path)
         with self._database() as database:
-            for stamps, messages, position in self._fetched(database, imu, malformed):
+            for stamps, messages, position in self._fetched(database, decode):
                 batches = batches_of(messages, np.array(stamps, np.int64))
-                for block in decode(unpacked(batches, limits), malformed):
+                for block in decode(unpacked(batches, limits)):
                     yield block, position
-        malformed.report(imu, self.remark)
+        decode.report(self.remark)
 
     # ---------------------------------------------------------------------------- what is there
 
@@ -201,7 +200,7 @@ class SqliteRecording(FileRecording):
 
     # ------------------------------------------------------------------------------ going through
 
-    def _fetched(self, database: sqlite3.Connection, imu: ImuTopic, malformed: MalformedMessages,
+    def _fetched(self, database: sqlite3.Connection, decode: TopicDecoder,
                  ) -> Iterator[tuple[Sequence[int], Sequence[bytes], int]]:
         """Fetch hundreds of messages at a time, with stamps and bytes consumed, up to damage."""
         first, last = self.ends_ns if len(self.ends_ns) == 2 else (0, 0)
@@ -215,7 +214,8 @@ class SqliteRecording(FileRecording):
             try:
                 cursor = cursor or database.execute(
                     f'SELECT timestamp, data FROM messages NOT INDEXED WHERE {_OF_TOPIC} '
-                    'ORDER BY rowid', {'name': imu.topic, 'type': self._kinds[imu.topic]})
+                    'ORDER BY rowid', {
+                        'name': decode.imu.topic, 'type': self._kinds[decode.imu.topic]})
                 # Those before a damaged one stay in the list.
                 rows.extend(islice(cursor, most))
             except sqlite3.Error as error:
@@ -225,7 +225,7 @@ class SqliteRecording(FileRecording):
                     return
             sure = max(len(rows) - self._unsure, 0)
             read += sure
-            stamps, messages = self._columns(rows[:sure], malformed)
+            stamps, messages = _columns(rows[:sure], decode)
             rows = rows[sure:]
             if not messages:
                 continue
@@ -237,16 +237,16 @@ class SqliteRecording(FileRecording):
             share = min(max((stamps[-1] - first) / max(last - first, 1), 0.0), 1.0)
             yield stamps, messages, int(share * self.size_bytes)
         self.remark('damaged_recording', fault='database', reason=damage, read=read,
-                    topic=printable(imu.name), lost_share=1 - share)
+                    topic=printable(decode.imu.name), lost_share=1 - share)
 
-    def _columns(self, rows: list[tuple[int, bytes]], malformed: MalformedMessages,
-                 ) -> tuple[list[int], list[bytes]]:
-        """Return stamps and messages; a value may have any type, whatever its column has."""
-        blobs = [row for row in rows if type(row[1]) is bytes]
-        if len(blobs) < len(rows):
-            malformed(len(rows) - len(blobs), MalformedImu('not a blob'))
-        return ([stamp if type(stamp) is int else 0 for stamp, _ in blobs],
-                [message for _, message in blobs])
+
+def _columns(rows: list[tuple[int, bytes]], decode: TopicDecoder) -> tuple[list[int], list[bytes]]:
+    """Return stamps and messages; a value may have any type, whatever its column has."""
+    blobs = [row for row in rows if type(row[1]) is bytes]
+    if len(blobs) < len(rows):
+        decode.reject(len(rows) - len(blobs), MalformedImu('not a blob'))
+    return ([stamp if type(stamp) is int else 0 for stamp, _ in blobs],
+            [message for _, message in blobs])
 
 
 def _texts(database: sqlite3.Connection, table: str, *columns: str) -> Iterator[Sequence[str]]:
