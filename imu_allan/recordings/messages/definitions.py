@@ -211,11 +211,9 @@ def find_definition(type_name: str, paths: tuple[Path | str, ...]) -> Definition
 
 def _sourced(type_name: str) -> Path | None:
     package, _, base = type_name.partition('/')
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        file = Path(prefix, 'share', package, f'{base}.msg')
-        if prefix and file.is_file():
-            return file
-    return None
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    files = (Path(prefix, 'share', package, f'{base}.msg') for prefix in prefixes)
+    return next(filter(Path.is_file, files), None)
 
 
 def _named_types(text: str, package: str) -> list[str]:
