@@ -134,18 +134,17 @@ class Seen(Record):
     def _remember(self, block: ImuBlock) -> None:
         first = 8   # remembered from the start, so that a repetition is recognized at once
         # If the node joined in the middle, the beginning of the recording comes later.
-        if len(self.stamps) and block.header_ns[0] < self.stamps[0]:
-            self.stamps = np.concatenate((block.header_ns[:first], self.stamps))
-            self.samples = np.concatenate((block.samples[:first], self.samples))
+        begins = len(self.stamps) > 0 and block.header_ns[0] < self.stamps[0]
+        head = slice(first if begins else 0)
         # The player may be started anew at any place.
-        rows = np.arange(-self.count % self.every, len(block), self.every)
-        self.stamps = np.concatenate((self.stamps, block.header_ns[rows]))
-        self.samples = np.concatenate((self.samples, block.samples[rows]))
+        rows = slice(-self.count % self.every, None, self.every)
+        self.stamps = np.concatenate((block.header_ns[head], self.stamps, block.header_ns[rows]))
+        self.samples = np.concatenate((block.samples[head], self.samples, block.samples[rows]))
         self.count += len(block)
         while len(self.stamps) > _MOST:
             self.every *= 2
-            self.stamps = np.concatenate((self.stamps[:first], self.stamps[first::2]))
-            self.samples = np.concatenate((self.samples[:first], self.samples[first::2]))
+            kept = np.r_[:first, first:len(self.stamps):2]
+            self.stamps, self.samples = self.stamps[kept], self.samples[kept]
 
     def _begins_again(self, block: ImuBlock) -> int | None:
         """Return the row of the first sample if earlier ones are repeated, or None."""
