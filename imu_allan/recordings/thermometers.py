@@ -31,16 +31,14 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
                 'Temperature, field or column of this name'
                 + (f'; there are {shown}' if shown else ''))
         return chosen[0]
-    if own or not separate:
-        return own[0] if own else None
+    if own:
+        return own[0]
     source = recording.imu(topic).topic
     near = [thermometer for thermometer in separate if share_namespace(source, thermometer.name)]
-    if len(near) == 1:
-        return near[0]
-    frame_id = _frame_id(recording, topic)
-    same_frame = [thermometer for thermometer in near or separate
-                  if frame_id and _frame_id(recording, thermometer.name) == frame_id]
-    return same_frame[0] if len(same_frame) == 1 else None
+    if len(near) != 1 and separate and (frame_id := _frame_id(recording, topic)):
+        near = [thermometer for thermometer in near or separate
+                if _frame_id(recording, thermometer.name) == frame_id]
+    return near[0] if len(near) == 1 else None
 
 
 def share_namespace(topic: str, thermometer: str) -> bool:
