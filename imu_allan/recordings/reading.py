@@ -38,6 +38,8 @@ from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
+Progress = Callable[[int], None] | None
+"""Called with the number of bytes consumed so far."""
 Read = tuple[ImuBlock, int]
 """A block, and the number of bytes consumed so far."""
 
@@ -53,9 +55,7 @@ _SLOT = np.dtype([
     ('samples', np.float64, (6, _SLOT_MESSAGES)), ('absent', np.bool_, (2, _SLOT_MESSAGES))])
 
 
-def read_blocks(
-    recording: Recording, topic: str, progress: Callable[[int], None] | None = None,
-) -> Iterator[ImuBlock]:
+def read_blocks(recording: Recording, topic: str, progress: Progress = None) -> Iterator[ImuBlock]:
     """
     Read the messages of `topic` in the order in which they were recorded.
 
@@ -103,10 +103,8 @@ def _blocks_ahead(recording: Recording, topic: str) -> Iterator[Read]:
     return read_ahead(larger_blocks(recording.decoded(topic)))
 
 
-def _with_progress(
-    recording: Recording, ahead: Iterator[Read], topic: str,
-    progress: Callable[[int], None] | None,
-) -> Iterator[ImuBlock]:
+def _with_progress(recording: Recording, ahead: Iterator[Read], topic: str, progress: Progress,
+                   ) -> Iterator[ImuBlock]:
     empty = True
     try:
         for block, position in ahead:
