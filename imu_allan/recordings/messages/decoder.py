@@ -21,9 +21,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import prod
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-from imu_allan.arrays import Array, Bools, Ints, runs
+from imu_allan.arrays import Ints, runs
 from imu_allan.block import ImuBlock, joined
 from imu_allan.cdr import MalformedImu, MessageBatch, OnMalformed, rows_like_first, Serialization
 from imu_allan.errors import shorten
@@ -75,15 +75,9 @@ class ImuMessages:
         return ', '.join(filter(None, (self.type_name, self.fields.what)))
 
 
-class Samples(NamedTuple):
-    """Samples as read from messages of one layout, before a clock is chosen."""
-
-    frame_id: str
-    message: Ints   # index of the message of each sample
-    stamps: Ints    # one column for each candidate
-    receive_ns: Ints
-    samples: Array
-    absent: Bools
+Part = tuple[Ints, Ints, ImuBlock]
+"""For the samples of messages of one layout: index of the message, stamps with a column for each
+candidate, and a block that has the first of these."""
 
 
 class FieldsDecoder:
@@ -102,24 +96,25 @@ class FieldsDecoder:
                  ) -> list[ImuBlock]:
         """Decode messages in order; malformed ones are reported."""
         # Bursts may all be malformed.
-        parts = [part for part in self._parts(batches, on_malformed) if len(part.samples)]
+        parts = [part for part in self._parts(batches, on_malformed) if len(part[-1])]
         if not parts:
             return []
-        clock = self._choose_clock(_joined([part.stamps for part in parts]))
-        blocks = [ImuBlock(part.stamps[:, clock], part.receive_ns, part.samples, part.absent,
-                           part.frame_id) for part in parts]
+        blocks = [block for _, _, block in parts]
+        if len(self._stamps) > 1:
+            clock = self._choose_clock(_joined([stamps for _, stamps, _ in parts]))
+            blocks = [replace(block, header_ns=stamps[:, clock]) for _, stamps, block in parts]
         if len(blocks) == 1:
             return blocks
-        order = np.argsort(np.concatenate([part.message for part in parts]), kind='stable')
+        order = np.argsort(np.concatenate([message for message, _, _ in parts]), kind='stable')
+        names = [*dict.fromkeys(block.frame_id for block in blocks)]
+        frames = np.concatenate([np.full(len(block), names.index(block.frame_id))
+                                 for block in blocks])[order]
         block = joined(blocks).part(order)
-        names = [*dict.fromkeys(part.frame_id for part in parts)]
-        frames = np.repeat([names.index(part.frame_id) for part in parts],
-                           [*map(len, blocks)])[order]
         return [replace(block.part(slice(a, b)), frame_id=names[frames[a]])
                 for a, b in runs(frames[1:] != frames[:-1], len(frames))]
 
     def _parts(self, batches: Iterable[MessageBatch], on_malformed: OnMalformed,
-               ) -> Iterator[Samples]:
+               ) -> Iterator[Part]:
         """Read messages of one layout at a time."""
         by_size: dict[int, list[tuple[NDArray[np.uint8], Ints, Ints]]] = {}
         number = 0
@@ -136,12 +131,10 @@ class FieldsDecoder:
 
     def _choose_clock(self, stamps: Ints) -> int:
         """Return the column of the first valid and mostly distinct stamps; keep the choice."""
-        clock = 0
-        if len(self._stamps) > 1:
-            clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
-            # Fix the choice of the clock once there are this many messages.
-            if len(stamps) >= 16:
-                self._stamps = (self._stamps[clock],)
+        clock = next((number for number, times in enumerate(stamps.T) if _advances(times)), 0)
+        # Fix the choice of the clock once there are this many messages.
+        if len(stamps) >= 16:
+            self._stamps = (self._stamps[clock],)
         return clock
 
     # ----------------------------------------------------------------------------------- layouts
@@ -328,7 +321,7 @@ class Layout:
 
 def _extract(fields: ImuFields, candidates: Sequence[Stamp], layout: Layout,
              rows: NDArray[np.uint8], receive_ns: Ints, index: Ints, on_malformed: OnMalformed,
-             ) -> Samples:
+             ) -> Part:
     """Extract samples and stamps of messages; which stamps hold is chosen later."""
     messages = rows.view(layout.record)[:, 0]
     # The message of each sample, and the place of its numbers in arrays.
@@ -359,7 +352,8 @@ def _extract(fields: ImuFields, candidates: Sequence[Stamp], layout: Layout,
             half *= vector.factor
         absent[:, first // 3] = (vector.covariance is not None
                                  and messages[vector.covariance][message] == -1.0)
-    return Samples(layout.frame_id, index[message], stamps, receive_ns, samples, absent)
+    block = ImuBlock(stamps[:, 0], receive_ns, samples, absent, layout.frame_id)
+    return index[message], stamps, block
 
 
 def _samples_of(fields: ImuFields, burst: Burst, messages: NDArray[np.void],
