@@ -174,9 +174,11 @@ class ChunkedRecording(FileRecording):
     def _parts(self, reading: 'Reading') -> Iterator[Part]:
         """Yield the chunks, and runs of records outside of chunks, in order."""
         at = len(self._magic)
+        ends = [*self._chunk_starts, self.size_bytes]
         part: Part | None = None
         while True:
-            end = self._next_chunk(at) or self.size_bytes
+            # The next chunk known from the index, or the end of the file.
+            end = ends[bisect_right(self._chunk_starts, at)]
             found = self._head(reading.file, at)
             whole = found.kind is not None and found.stop <= end
             if part is not None:
@@ -189,10 +191,10 @@ class ChunkedRecording(FileRecording):
                     yield part
                     part = None
             if not whole:
-                known = self._skip_to_chunk(at, reading, found.kind == 'chunk')
-                if known is None:
+                self._note_lost(reading, at, end, found.kind == 'chunk')
+                if end == self.size_bytes:
                     return
-                at = known
+                at = end
                 continue
             if found.kind == 'end':
                 return
@@ -223,25 +225,18 @@ class ChunkedRecording(FileRecording):
                                    self._channels[numbers[0]].definition):
                     listed.add(topic)
 
-    def _next_chunk(self, at: int) -> int | None:
-        """Return the offset of the next chunk known from the index."""
-        place = bisect_right(self._chunk_starts, at)
-        return self._chunk_starts[place] if place < len(self._chunk_starts) else None
-
-    def _skip_to_chunk(self, at: int, reading: 'Reading', in_chunk: bool) -> int | None:
-        """Note bytes that are not a record; return the offset of the next chunk, or None."""
-        known = self._next_chunk(at)
-        left = self.size_bytes - at
-        reading.lost_bytes += (known or self.size_bytes) - at
-        if known is not None:
-            reading.note_damage(at, f'{known - at} bytes are no records')
+    def _note_lost(self, reading: 'Reading', at: int, end: int, in_chunk: bool) -> None:
+        """Note that what is between two places, up to a chunk or the end, is not a record."""
+        left = end - at
+        reading.lost_bytes += left
+        if end < self.size_bytes:
+            reading.note_damage(at, f'{left} bytes are no records')
         elif left == 0:
             reading.end = _UNWRITTEN
         elif in_chunk:
             reading.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
         else:
             reading.end = f'{left} bytes from byte {at} on are not whole records and are lost'
-        return known
 
 
 @dataclass
