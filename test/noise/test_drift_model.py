@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drift model: what it finds and must not invent; the spread of means and of units."""
 
+from dataclasses import replace
+
 from characterized import shown
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model
@@ -54,6 +56,9 @@ def test_a_short_record_says_nothing_wild():
     """Sixteen seconds of white noise must not turn into a drift of many times the noise."""
     groups = groups_of(simulate({'noise_density': N}, 64, RATE))
     assert fit_drift_model(groups.below(float(groups.frequency[6])), 1 / RATE) is None
+    # Milliseconds have no frequency below any edge.
+    fast = replace(groups, frequency=1e4 * groups.frequency)
+    assert fit_drift_model(fast, 1e-4 / RATE) is not None
     for seed in range(10):
         model = model_of(simulate({'noise_density': N}, 800, RATE, seed))
         assert model.to_s < 6

@@ -58,7 +58,7 @@ class Groups:
     def half_octaves(self) -> tuple[Ints, Array]:
         """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
         _, octave = np.unique(np.ceil(
-            2 * np.log2(self.frequency / self.frequency[-1])), return_inverse=True)
+            2 * np.log2(self.frequency / self.frequency[-1:])), return_inverse=True)
         return octave.astype(np.int64), np.bincount(octave, self.dof).astype(np.float64)
 
     def capped(self, spread: Array | float) -> 'Groups':
