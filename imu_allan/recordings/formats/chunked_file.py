@@ -90,13 +90,13 @@ class ChunkedRecording(FileRecording):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
         self._channels: dict[int, Channel] = {}
-        self._counts: dict[int, int] = {}
-        self._counted = False
+        # Messages of each channel; None if the file has no counts at all.
+        self._counts: dict[int, int] | None = None
         self._chunk_starts: list[int] = []
         with stored.open('rb') as file:
             # If messages are counted of a channel that is not described, descriptions are lost.
             if (not self._read_index(file) or not self._channels
-                    or self._counts.keys() - self._channels.keys()):
+                    or (self._counts or {}).keys() - self._channels.keys()):
                 self._scan(file)
         self._list_topics()
 
@@ -136,7 +136,7 @@ class ChunkedRecording(FileRecording):
                 for block in blocks_of(part):
                     yield block, part.start
         decode.report(self.remark)
-        expected = sum(self._counts.get(number, 0) for number in wanted)
+        expected = self._count(wanted) or 0
         reading.report(self, topic, expected - decode.samples - decode.malformed, expected)
 
     def _intact(self, reading: 'Reading', part: Part) -> Iterable[MessageBatch]:
@@ -165,8 +165,7 @@ class ChunkedRecording(FileRecording):
             counts.update({number: count for number, (_, count) in part.indexes.items()})
             if not part.indexes or part.indexes.keys() - self._channels:
                 self._intact(reading, part)
-        if not self._counts:
-            self._counts, self._counted = dict(counts), bool(counts)
+        self._counts = self._counts or dict(counts) or None
         reason = reading.first_damage or (reading.end if reading.end != _UNWRITTEN else '')
         if reason and not self._channels:
             raise error_about(self.path, f'damaged, no topic can be found in it: {reason}')
@@ -205,6 +204,11 @@ class ChunkedRecording(FileRecording):
                 reading.chunks += found.kind == 'chunk'
             at = found.stop
 
+    def _count(self, channels: Iterable[int]) -> int | None:
+        """Return the number of messages of some channels, None if it is unknown."""
+        counts = self._counts
+        return None if counts is None else sum(counts.get(number, 0) for number in channels)
+
     def _list_topics(self) -> None:
         groups: dict[tuple[str, str, str], list[int]] = {}
         for number, channel in self._channels.items():
@@ -217,13 +221,10 @@ class ChunkedRecording(FileRecording):
             if serialization is None or not kind:
                 self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
                                             else kind or 'no type')
-            elif topic not in listed:
-                # The number of messages is unknown if the file has no counts at all.
-                count = (sum(self._counts.get(number, 0) for number in numbers)
-                         if self._counted else None)
-                if self.list_topic(topic, kind, serialization, count,
-                                   self._channels[numbers[0]].definition):
-                    listed.add(topic)
+            elif topic not in listed and self.list_topic(
+                    topic, kind, serialization, self._count(numbers),
+                    self._channels[numbers[0]].definition):
+                listed.add(topic)
 
     def _note_lost(self, reading: 'Reading', at: int, end: int, in_chunk: bool) -> None:
         """Note that what is between two places, up to a chunk or the end, is not a record."""

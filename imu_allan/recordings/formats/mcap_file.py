@@ -124,8 +124,8 @@ class McapRecording(ChunkedRecording):
             if opcode == Opcode.STATISTICS and len(body) <= self._largest_description:
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
-                    self._counts = statistics.channel_message_counts
-                    self._counted = bool(self._counts) or statistics.message_count == 0
+                    counts = statistics.channel_message_counts
+                    self._counts = counts if counts or statistics.message_count == 0 else None
                     self.ends_ns = [statistics.message_start_time, statistics.message_end_time]
             elif opcode == Opcode.CHUNK_INDEX and len(body) >= 24:
                 # Only the offset, after two times, is needed; the library would parse the whole

@@ -86,7 +86,7 @@ class Ros1Recording(ChunkedRecording):
         except DamagedData:
             return False
         self._chunk_starts.sort()
-        self._counts, self._counted = dict(counts), bool(counts)
+        self._counts = dict(counts) or None
         return True
 
     def _describe(self, fields: _Fields, data: bytes) -> None:
