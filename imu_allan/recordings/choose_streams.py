@@ -71,12 +71,11 @@ def _what_there_is(recording: Recording) -> str:
     if not recording.other_topics:
         return 'it holds no topics at all: the recording is empty'
     others = sorted(recording.other_topics.items())
-    own = any(may_hold_imu(kind) for _, kind in others)
-    return ('no topic of type sensor_msgs/msg/Imu; it holds '
-            + _first_ten([f'{brief(name)} ({brief(kind)})' for name, kind in others])
-            + (_reason(recording, sorted(recording.other_topics)) or (
-                '; if the fields of one are those of an IMU, name them with --gyro and --accel'
-                if own else '')))
+    why = _reason(recording, sorted(recording.other_topics))
+    if not why and any(may_hold_imu(kind) for _, kind in others):
+        why = '; if the fields of one are those of an IMU, name them with --gyro and --accel'
+    listed = _first_ten([f'{brief(name)} ({brief(kind)})' for name, kind in others])
+    return f'no topic of type sensor_msgs/msg/Imu; it holds {listed}{why}'
 
 
 def _reason(recording: Recording, topics: list[str]) -> str:
