@@ -34,10 +34,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic, make_folder, TopicDecoder
 import numpy as np
 
-_OF_TOPIC = ('topic_id IN (SELECT rowid FROM topics NOT INDEXED WHERE name = :name '
-             "AND type = :type AND serialization_format = 'cdr')")
-"""What selects the messages of a topic, of which rosbag2 writes one row."""
-
 
 class SqliteRecording(FileRecording):
     """A .db3 file; raises ImuAllanError if it is not a rosbag2 database."""
@@ -194,9 +190,16 @@ class SqliteRecording(FileRecording):
         """Return whether a topic has messages; in a large file, whether any topic has."""
         # To search a large file for a message of each topic would make opening slow.
         only = '' if self._tolerant or self.size_bytes > 1 << 26 else (
-            f'WHERE {_OF_TOPIC} ')
-        return bool(database.execute(f'SELECT rowid FROM messages NOT INDEXED {only}LIMIT 1', {
-            'name': imu.topic, 'type': self._kinds[imu.topic]}).fetchall())
+            f'WHERE topic_id IN ({self._numbers(database, imu)}) ')
+        return bool(database.execute(
+            f'SELECT rowid FROM messages NOT INDEXED {only}LIMIT 1').fetchall())
+
+    def _numbers(self, database: sqlite3.Connection, imu: ImuTopic) -> str:
+        """List the ids of a topic; rosbag2 assigns one."""
+        return ','.join(str(number) for [number] in database.execute(
+            'SELECT rowid FROM topics NOT INDEXED '
+            "WHERE name = ? AND type = ? AND serialization_format = 'cdr'",
+            (imu.topic, self._kinds[imu.topic])))
 
     # ------------------------------------------------------------------------------ going through
 
@@ -213,9 +216,8 @@ class SqliteRecording(FileRecording):
             held = len(rows)
             try:
                 cursor = cursor or database.execute(
-                    f'SELECT timestamp, data FROM messages NOT INDEXED WHERE {_OF_TOPIC} '
-                    'ORDER BY rowid', {
-                        'name': decode.imu.topic, 'type': self._kinds[decode.imu.topic]})
+                    'SELECT timestamp, data FROM messages NOT INDEXED '
+                    f'WHERE topic_id IN ({self._numbers(database, decode.imu)}) ORDER BY rowid')
                 # Those before a damaged one stay in the list.
                 rows.extend(islice(cursor, most))
             except sqlite3.Error as error:
