@@ -382,12 +382,6 @@ def lasting_jumps(phase: Array, new_run: bool = True) -> Ints:
     if groups < 4:
         return missing
     level = np.median(phase[:groups * _GROUP].reshape(groups, _GROUP), axis=1)
-    if new_run:
-        # Stamps may be late but never early: what lies far before all that follows was sent before
-        # a gap.
-        few = int(np.argmax(phase >= level[:_GROUPS].min() - _LEAP))
-        if few:
-            missing[few:] += int(np.rint(phase[few:few + _GROUP].min() - phase[:few].min()))
     lead = 0 if new_run else _GROUPS
     level = np.concatenate([np.zeros(lead), level])
     # Each jump costs a pass over the levels, and the largest come first.

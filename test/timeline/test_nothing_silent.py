@@ -179,9 +179,6 @@ STAMPS = [
         overrun, share=share, shifts=shifts))
       for share, shifts, rel in ((0.05, False, 1e-4), (0.01, True, 1e-3))),
     ('a fifth late by more than half', 100.0, 150, 1e-4, 0, partial(late_by_half, by=0.6)),
-    ('four before a gap, late by two intervals', 100.0, 30, 1e-3, 2, lambda m, rng: replace(
-        m, header=np.maximum.accumulate(m.header + 3e-3 * rng.pareto(1.5, len(m.place)))
-        + 1e-7 * m.place).pick((m.place < 4) | (m.place >= 60))),
     ('a fifth late by less than half', 100.0, 150, 1e-3, 9, lambda m, rng: lose(
         late_by_half(m, rng, 0.4), 0.1, rng)),
     ('jitter beside gaps', 800.0, 10.5, 1e-4, 0, lambda m, rng: replace(
