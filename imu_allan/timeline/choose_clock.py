@@ -8,7 +8,7 @@ later, receive stamps replace them.
 """
 
 from dataclasses import replace
-from math import inf, log
+from math import exp
 
 from imu_allan.arrays import Bools
 from imu_allan.errors import ImuAllanError
@@ -36,7 +36,7 @@ import numpy as np
 def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -> None:
     """Choose the clock by the first messages, or raise ImuAllanError if none is usable."""
     one = decision.one_clock = np.array_equal(window.header_ns, window.receive_ns)
-    decision.speed = _speed_of(window.header_ns, window.receive_ns)
+    decision.first_speed = _speed_of(window.header_ns, window.receive_ns)
     if options.force_rate and options.rate_hz is not None:
         decision.clock = 'header'
         decision.count_samples(options.rate_hz)
@@ -93,13 +93,15 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
 
 
 def _speed_of(stamps: Stamps, received: Stamps) -> float:
-    """Return how fast stamps run, compared with those received, where they differ least."""
-    # Messages from a queue are received within one quarter of the time. A stall, or a jump of a
-    # clock, delays those of one or two.
+    """Return how fast stamps run, compared with those received; 1 unless all quarters agree."""
+    # Messages from a queue are received within one or two quarters of the time, or all at once:
+    # within 0.3 s, chosen by judgment. Batches make quarters differ.
     time = np.maximum.accumulate(received - received[0])
     passed = np.diff(np.interp(np.linspace(0, time[-1], 5), time, stamps - stamps[0]))
-    speeds = passed[passed > 0] * 4 / max(time[-1], 1)
-    return float(min(speeds, key=lambda speed: abs(log(speed)), default=inf))
+    if time[-1] < 0.3 * SECOND or passed.min() <= 0:
+        return 1.0
+    speeds = np.log(4 * passed / time[-1])
+    return exp(speeds.mean()) if np.ptp(speeds) <= np.abs(speeds).min() else 1.0
 
 
 def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> Pace | None:

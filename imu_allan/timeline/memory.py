@@ -8,7 +8,6 @@ position on the grid.
 """
 
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any, Literal
 
 from imu_allan.arrays import Array, Bools
@@ -226,8 +225,8 @@ class Decision(Record):
     counted_only: bool = False
     # Whether there is one time for each message, as in a table, and no clock to choose.
     one_clock: bool = False
-    # How fast header stamps of the first messages run, compared with receive stamps.
-    speed: float = inf
+    # How fast header stamps of the first messages run, compared with receive stamps; 1 if unclear.
+    first_speed: float = 1.0
     # How stamps advance, following the slow drift of the clock; an interval of one nanosecond
     # means not yet known.
     pace: Pace = Pace(1.0)  # noqa: RUF009
