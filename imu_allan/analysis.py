@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, positive_time
+from imu_allan.errors import error_about, ImuAllanError, positive_time
 from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.choose_streams import choose_streams, Stream
@@ -253,8 +253,8 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
     streams = choose_streams(recording, choice.topic)
     two_topics = len({each.topic for each in streams}) > 1
     if choice.reading.accel_rate_hz is not None and not two_topics:
-        raise ImuAllanError(f'{recording.path}: --accel-rate is for an accelerometer on a topic '
-                            'of its own; --rate is for both')
+        raise error_about(recording.path, '--accel-rate is for an accelerometer on a topic of its '
+                          'own; --rate is for both')
     for number, stream in enumerate(streams):
         options = choice.options
         if stream.only_new:

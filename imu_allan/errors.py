@@ -74,7 +74,7 @@ def whole(name: str, value: Any, least: int = 0) -> int:
     """Return an argument as a whole number, `least` or above."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise ImuAllanError(f'{name} must be a whole number, {least} or above, not '
-                            f'{shown(value)}')
+                            f'{shorten(printable(repr(value)), 60)}')
     return int(value)
 
 

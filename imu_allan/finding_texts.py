@@ -422,7 +422,7 @@ WORDS: Mapping[str, Words] = {
     'band_limited': Words(
         'low-pass',
         'Sensor or driver filter the fast noise; the coefficients are those below the filter.',
-        'The spectrum falls towards the highest frequencies.',
+        'The spectrum falls towards the highest frequencies, or no term describes them.',
         says=('no term describes the spectrum above {edge_hz:.3g} Hz (a low-pass in sensor or '
               'driver, or other noise); the coefficients are fitted below',
               'the noise rolls off towards the highest frequencies (a low-pass in sensor or '

@@ -172,13 +172,13 @@ def population(results: Mapping[str, Result]) -> Population:
 
 
 def faults(results: Mapping[str, Result]) -> Iterator[Outlier]:
-    """Yield the axes that do not measure."""
+    """Yield the axes that do not measure, or are missing."""
     for axis in AXES:
         having = sum(axis in result.axes for result in results.values())
         for name, result in results.items():
             if axis not in result.axes:
                 # An axis that most units lack is not missing in any.
-                if 2 * having >= len(results):
+                if 2 * having > len(results):
                     yield Outlier(name, axis, None, 'missing')
             elif (fault := result.axes[axis].fault) is not None:
                 yield Outlier(name, axis, None, fault)

@@ -208,10 +208,11 @@ def _field(name: str, kind: str) -> Field:
 def decoder(parameter: str, half: Half | None, values: Mapping[str, Any]) -> Decoder:
     """Return the decoder that the parameters ask for, or name the one that is wrong."""
     type_name = values[parameter]
-    # Fields of the other sensor are not in these messages.
+    # Fields of the other sensor, and their stamp, are not in these messages.
     options: dict[str, Any] = {part: values[f'{part}_field'] or None
                                for part in ('gyro', 'accel', 'stamp')
-                               if half is None or part in (half, 'stamp')}
+                               if half is None or part == half or (
+                                   part == 'stamp' and values[f'{half}_field'])}
     try:
         return imu_messages(type_name, types_of(type_name), options=RecordingOptions(
             **options, gyro_unit=values['gyro_unit'] or None,

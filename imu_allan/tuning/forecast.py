@@ -10,7 +10,7 @@ independent segments of that length give a variance, and how much the drift chan
 The same uncertainty widens tuned numbers, and the bands of tests on other data.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from imu_allan.arrays import Array
@@ -103,8 +103,8 @@ def predicted_drift(axis: AxisResult,
 
     """
     model = drift_model_of(axis)
-    each = horizons_s if isinstance(horizons_s, Iterable) else [horizons_s]
-    h = np.array([positive_time('horizons_s', one) for one in each])
+    h = np.array([positive_time('horizons_s', one)
+                  for one in np.atleast_1d(np.asarray(horizons_s, object))])
     c = positive_time('calibration_s', calibration_s)
     wide = np.exp(chi_square.NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
     beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))

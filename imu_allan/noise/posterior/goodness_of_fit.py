@@ -98,9 +98,10 @@ def _described(spectra: Spectra, row: Rows, expected: Array) -> float:
     if edge == len(frequency):
         return 1.0
     at = expected[edge - 1] / white[edge - 1]
-    # The median passes over a vibration. A spectrum that falls is unexplained all the same.
+    # The median passes over a vibration. What falls is unexplained all the same; what rises to
+    # four times the level may be coarse quantization, which hides no more. Chosen by judgment.
     above = np.median(spectra.power[axis, edge:] / white[edge:])
-    return float(1 / (1 + max(above / at, 1.0) * (frequency[-1] / frequency[edge] - 1)))
+    return float(1 / (1 + max(above / at / 4, 1.0) * (frequency[-1] / frequency[edge] - 1)))
 
 
 def _residuals(spectra: Spectra, row: Rows) -> _Residuals:
