@@ -95,12 +95,13 @@ def measure_first_pace(memory: Memory, window: Window, repeats: Repeats, twice: 
 def _speed_of(stamps: Stamps, received: Stamps) -> float:
     """Return how fast stamps run, compared with those received; 1 unless all quarters agree."""
     # Messages from a queue are received within one or two quarters of the time, or all at once:
-    # within 0.3 s, chosen by judgment. Batches make quarters differ.
+    # within 0.3 s, chosen by judgment. Batches fit into no such quarters.
     time = np.maximum.accumulate(received - received[0])
-    passed = np.diff(np.interp(np.linspace(0, time[-1], 5), time, stamps - stamps[0]))
+    edges = np.array([0, 0.2, 0.45, 0.72, 1]) * time[-1]
+    passed = np.diff(np.interp(edges, time, stamps - stamps[0]))
     if time[-1] < 0.3 * SECOND or passed.min() <= 0:
         return 1.0
-    speeds = np.log(4 * passed / time[-1])
+    speeds = np.log(passed / np.diff(edges))
     return exp(speeds.mean()) if np.ptp(speeds) <= np.abs(speeds).min() else 1.0
 
 

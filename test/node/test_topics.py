@@ -194,6 +194,14 @@ def test_a_message_of_named_fields_is_read_without_what_only_pypi_has(monkeypatc
         [7 * 10**9], [8 * 10**9], 'imu')
 
 
+def test_the_stamp_of_a_named_field_is_that_of_its_own_topic():
+    values = dict.fromkeys(('accel_field', 'gyro_unit', 'accel_unit'), '') | {
+        'gyro_type': 'geometry_msgs/msg/Vector3Stamped', 'gyro_field': 'vector',
+        'accel_type': 'sensor_msgs/msg/Imu', 'stamp_field': 'header.stamp'}
+    assert decoder('gyro_type', 'gyro', values)
+    assert decoder('accel_type', 'accel', values)
+
+
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic_in_the_given_units(ros, health):
     ros.start('imu_allan_node', {
         'publish_period': 0.5, 'motion': 'keep', 'temperature_topic': 'imu/temperature',

@@ -375,6 +375,19 @@ def test_messages_that_waited_in_a_queue_make_no_clock_wrong(duration_s, stalls)
     assert 'clock_speed' not in codes(run(messages.block())[0])
 
 
+@pytest.mark.parametrize(('rate_hz', 'duration_s', 'batch_s', 'speed'), [
+    (200, 3, 0.7, 1.0), (400, 5, 2.0, 1.0), *((1000, 60, 0.3, speed) for speed in (0.9, 1.0, 1.1)),
+    *((4000, 30, 0.2, speed) for speed in (0.9, 1.0, 2.0))])
+def test_batches_neither_hide_nor_feign_clocks_of_different_speed(
+        rate_hz, duration_s, batch_s, speed):
+    messages, _, _ = rest(rate_hz, duration_s)
+    messages.header *= speed
+    messages.receive = batch_s * np.ceil(messages.receive / batch_s) + 1e-6 * messages.place
+    found = [one.values['ratio'] for one in run(messages.block())[0].remarks
+             if one.code == 'clock_speed']
+    assert found == ([] if speed == 1 else [pytest.approx(speed, rel=0.02)])
+
+
 def test_messages_that_all_waited_in_a_queue_make_no_clock_wrong():
     messages, _, _ = rest(200, 5)
     messages.receive = 5 + 1e-4 * messages.place
