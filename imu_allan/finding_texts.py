@@ -76,7 +76,7 @@ def _implausible_what(f: Figures) -> str:
 def _poor_fit(f: Figures) -> str:
     share = f.get('misfit_share')
     return 'no sum of noise terms ' + (
-        'describes more than the slowest part of this spectrum' if share is None else
+        'describes more than a small part of this spectrum' if share is None else
         'describes this spectrum: the best is off by {misfit_share:%}' if most(share) < 10 else
         'comes within a factor of ten of this spectrum')
 

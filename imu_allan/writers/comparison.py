@@ -78,8 +78,8 @@ def verdicts(results: Mapping[str, Result]) -> list[str]:
 
     Axes that do not measure come first: of these no coefficient differs.
     """
-    known = [one for one in compare(results) if all(c.value is not None or c.upper95 is not None
-                                               for c in one.coefficients)]
+    known = [one for one in compare(results) if all(
+        found.value is not None or found.upper95 is not None for found in one.coefficients)]
     said = []
     for other, sensor, key in product(dict.fromkeys(one.other for one in known), SENSORS, TERMS):
         own = [one for one in known if (one.other, one.key) == (other, key)
