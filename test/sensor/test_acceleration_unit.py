@@ -97,7 +97,7 @@ def test_messages_without_acceleration_do_not_wait(value):
 
 
 def lane_of(block, size):
-    lane = Lane(streamed([], None, 'topic'), unit=AccelerationUnit())
+    lane = Lane(streamed([], None, 'topic'))
     for part in cut(block, range(0, len(block), size)):
         lane.update([part])
     return lane
