@@ -60,8 +60,8 @@ class AxisReport:
     bias_step : BiasStep or None
     between : dict
         Standard deviation between parts of the record beyond their errors, by key of `TERMS`.
-    shallow : bool
-        Whether the model describes little of the noise.
+    described : float
+        Share of the noise that the model describes.
 
     """
 
@@ -78,13 +78,13 @@ class AxisReport:
     trend: Trend = field(default_factory=Trend)
     bias_step: BiasStep | None = None
     between: Mapping[str, float] = field(default_factory=dict)
-    shallow: bool = False
+    described: float = 1.0
 
     @property
     def acceptable(self) -> bool:
         """Whether the model describes enough of the spectrum, with tolerable residuals."""
-        return not self.shallow and (self.p_value > thresholds.DESCRIBED
-                                     or self.misfit <= thresholds.TOLERATED_MISFIT)
+        return self.described >= thresholds.LEAST_DESCRIBED and (
+            self.p_value > thresholds.DESCRIBED or self.misfit <= thresholds.TOLERATED_MISFIT)
 
     @property
     def values(self) -> dict[str, float]:
@@ -157,7 +157,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         random_walk_unclear=not identified and drifting > thresholds.REPORTED,
         bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step else None,
         between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
-        shallow=posterior.described < thresholds.LEAST_DESCRIBED)
+        described=posterior.described)
 
 
 def _warm_up(warming: ReportedTrend) -> WarmUp:
