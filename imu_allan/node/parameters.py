@@ -113,8 +113,8 @@ CHARACTERIZATION = (
             'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it'),
     Setting('accel_field', '', 'Field of the messages that holds the acceleration and its '
             'unit; empty finds it'),
-    Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if '
-            'it is a number (t us); empty finds it'),
+    Setting('stamp_field', '', 'Field of the messages that holds their time, beside '
+            'gyro_field or accel_field, with a unit if it is a number (t us); empty finds it'),
     Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s'),
     Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g if '
             'its magnitude at rest is near 1'),
