@@ -25,13 +25,15 @@ _EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
 
-# Before the words may stand the path to a name, or the device it belongs to.
+_CHIP = r'(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?'
+# Before the words may stand the path to a name, or the device it belongs to; a chip also behind.
 _AXES = [
     *((sensor, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
       for sensor, letter in (('gyro', '[gw]'), ('accel', 'a'))),
     *((sensor, re.compile(
-        r'(?:.*[/.])?(?:(?:imu|sensor|(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?)\d*[._/])?'
-        rf'(?:(?:{words})[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])|([xyz])[._-](?:{words}))'))
+        rf'(?:.*[/.])?(?:(?:imu|sensor|{_CHIP})\d*[._/])?'
+        rf'(?:(?:{words})(?:_{_CHIP})?[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])'
+        rf'|([xyz])[._-]?(?:{words}))'))
       for sensor, words in (
         ('gyro', r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
                  r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
@@ -304,10 +306,10 @@ def _factor(name: Name, options: RecordingOptions) -> float:
     is_gyro = str(name.meaning).startswith('gyro')
     if name.unit is None:
         return options.factors[0 if is_gyro else 1]
-    # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G).
+    # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G, g-force).
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit)
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
-    if spelled == 'G' and not is_gyro:
+    if not is_gyro and re.fullmatch(r"g(?:'?s|[- ]?force)?", spelled.lower()):
         spelled = 'g'
     si_unit, other = (RAD_PER_S, 'deg/s') if is_gyro else (M_PER_S2, 'g')
     return _converted(name.name, spelled, si_unit, f'{name.meaning}=NAME {other}')

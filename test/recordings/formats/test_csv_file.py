@@ -341,6 +341,11 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('gyro_x [],gyro_y [ ],gyro_z,accel_x ( ),accel_y (),accel_z', (1.0, 1.0)),
 ])
 def test_units_stand_in_names_in_many_ways(path, header, factors):
+    # The axis may come first, or the chip behind the sensor.
+    ('Xgyro [dps],Ygyro [dps],Zgyro [dps],xAccel (g-force),yAccel (G),Zaccl (gs)',
+     (pi / 180, 9.80665)),
+    ('gyro_icm20948_x,gyro_icm20948_y,gyro_icm20948_z,acc_bmi270.x,acc_bmi270.y,acc_bmi270.z',
+     (1.0, 1.0)),
     numbers = ','.join(map(str, range(1, header.count(',') + 2)))
     messages, _ = read_text(path, f'time [ms],{header}\n500,{numbers}\n')
     assert messages.header_ns.tolist() == [500_000_000]
