@@ -166,15 +166,17 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
         of_axes = of_axes or [column for column, name in enumerate(names) if name.meaning in AXES]
         clock = clock or next(filter(is_usable, (*_split_seconds(names), *times.values())),
                               next(iter(times.values()), None))
-    axes: dict[str, tuple[int, int, float]] = {}
+    places: dict[str, int] = {}
     for column in sorted(of_axes):
-        meaning = str(names[column].meaning)
-        if meaning in axes:
-            both = axes[meaning][0] + 1, column + 1
+        places.setdefault(str(names[column].meaning), column)
+    for column in sorted(of_axes):
+        if (first := places[str(names[column].meaning)]) != column:
+            example = ','.join(f'{axis}={place + 1}' for axis, place in places.items())
             raise ImuAllanError(
-                f'columns {both[0]} and {both[1]} are both {meaning}; --columns names those to '
-                f'read, such as {meaning}={both[0]}')
-        axes[meaning] = column, list(AXES).index(meaning), _factor(names[column], options)
+                f'columns {first + 1} and {column + 1} are both {names[column].meaning}; '
+                f'--columns names all those to read, such as {example}')
+    axes = [(column, list(AXES).index(axis), _factor(names[column], options))
+            for axis, column in places.items()]
     if not axes:
         shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise NamesNoAxis(
@@ -191,7 +193,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
                                          else [name.name, name.cell]))), None)
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
                                    if column not in read and column != temperature]
-    return Columns(delimiter, clock, tuple(axes.values()), tuple(ignored), temperature, headless)
+    return Columns(delimiter, clock, tuple(axes), tuple(ignored), temperature, headless)
 
 
 def echoed_imu(line: str) -> Columns | None:

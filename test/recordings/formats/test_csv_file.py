@@ -190,10 +190,13 @@ EIGHT_FIELDS = (
      'compressed with gzip or zip; take the recording out of it'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s; '
      "--columns gives another unit, as in 'gyro_x=NAME deg/s'"),
-    *((f'{header}\n0,5,6\n', f'columns {both} are both {meaning}; --columns names those to read, '
-       f'such as {meaning}={both[0]}') for header, both, meaning in (
-           ('time_s,imu0_gyro_x,imu1_gyro_x', '2 and 3', 'gyro_x'),
-           ('time_s,accel_x,linear_accel_x', '2 and 3', 'accel_x'))),
+    *((f'{header}\n0{",5" * header.count(",")}\n', f'columns {both} are both {meaning}; --columns '
+       f'names all those to read, such as {example}') for header, both, meaning, example in (
+           ('time_s,imu0_gyro_x,imu1_gyro_x', '2 and 3', 'gyro_x', 'gyro_x=2'),
+           ('time_s,accel_x,linear_accel_x,gy', '2 and 3', 'accel_x', 'accel_x=2,gyro_y=4'),
+           # One of them is without gravity.
+           ('time_s,gyroscope_lsm6ds3_c.z,accelerometer_lsm6ds3_c.x,linear_Acceleration.x', '3 and 4',
+            'accel_x', 'gyro_z=2,accel_x=3'))),
     # A line of units, which are never taken for SI.
     ('time,gyro_x,accel_z\ns,deg/s,g\n0.5,180,1\n1.0,90,2\n', no_axes('s,deg/s,g')),
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
