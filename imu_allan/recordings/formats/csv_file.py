@@ -28,6 +28,7 @@ from imu_allan.recordings.formats.csv_header import (
     echoed_imu,
     is_number,
     is_rest_of_imu,
+    names_column,
     QUOTES,
     read_header,
     require_time,
@@ -149,6 +150,8 @@ class CsvRecording(FileRecording):
                                     'samples')
             text = _decoded(line)
             if lines and _is_row(text, cells_of(lines[-1][0])[0]):
+                if _is_message(lines[-1][0], text):
+                    lines.append((text, at, number))
                 del lines[:-1]
                 break
             if text.strip(QUOTES + ',;|'):
@@ -336,6 +339,13 @@ def _is_row(line: str, delimiter: str | None) -> bool:
         if 2 * len(numbers) > len(filled):
             return True
     return False
+
+
+def _is_message(line: str, row: str) -> bool:
+    """Return whether the line above the first row names nothing, and has none of its marks."""
+    delimiter, cells = cells_of(line)
+    return not (names_column(line) or any(mark in line for mark in ',;\t|')
+                or len(cells) == len(_cells(row, delimiter)))
 
 
 def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:

@@ -287,6 +287,11 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
     return None, implied
 
 
+def names_column(line: str) -> bool:
+    """Return whether a line names an axis or a time."""
+    return any(_name_of(cell).meaning for cell in cells_of(line)[1])
+
+
 def is_rest_of_imu(cell: str) -> bool:
     """Return whether a column is another field of an Imu: header, orientation or covariance."""
     return re.fullmatch(

@@ -177,11 +177,12 @@ EIGHT_FIELDS = (
     ('gyro_z\n1\n', NO_TIME), ('SampleTimeFine\tGyr_X\n\t1\n\t2\n', NO_TIME),
     ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('\n' * 200 + 'time_s,gyro_x\n0,1\n', no_axes('')),
-    ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
+    *((f'{above}1.7e18,0.1,-0.2,0.3,imu,9.8\n',
      'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
      'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
-     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
+     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
+      for above in ('', 'Ready.\nDevice with address a0 found\n')),
     *((f'time_s,gyro_x\n{blank}', 'no line of samples below the names of the columns')
       for blank in ('', '\n', ' \n\n')),
     ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
@@ -340,15 +341,15 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
      (pi / 180 / 131, 9.80665 / 2048)),
     ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
      (pi / 180, 1.0)),
-    # Blanks are no unit.
-    ('gyro_x [],gyro_y [ ],gyro_z,accel_x ( ),accel_y (),accel_z', (1.0, 1.0)),
-])
-def test_units_stand_in_names_in_many_ways(path, header, factors):
     # The axis may come first, or the chip behind the sensor.
     ('Xgyro [dps],Ygyro [dps],Zgyro [dps],xAccel (g-force),yAccel (G),Zaccl (gs)',
      (pi / 180, 9.80665)),
     ('gyro_icm20948_x,gyro_icm20948_y,gyro_icm20948_z,acc_bmi270.x,acc_bmi270.y,acc_bmi270.z',
      (1.0, 1.0)),
+    # Blanks are no unit.
+    ('gyro_x [],gyro_y [ ],gyro_z,accel_x ( ),accel_y (),accel_z', (1.0, 1.0)),
+])
+def test_units_stand_in_names_in_many_ways(path, header, factors):
     numbers = ','.join(map(str, range(1, header.count(',') + 2)))
     messages, _ = read_text(path, f'time [ms],{header}\n500,{numbers}\n')
     assert messages.header_ns.tolist() == [500_000_000]
@@ -404,13 +405,13 @@ def test_a_column_that_is_not_read_is_not_said_to_name_no_axis(path):
     *((text, LOGGED, [2.5, 3.5], {2: [pi / 2, pi], 3: [9.80665, 19.6133]}) for text in (
         '2500 imu 90 1\n3500 imu 180 2\n',
         *(f'{above}2500,imu,90,1\n3500,imu,180,2\n' for above in (
-            'a,b,c,d\n', 'Device,A\na,b,c,d\n')))),
+            'a,b,c,d\n', 'Device,A\na,b,c,d\n', 'Device found\n')))),
     *((text, {'gyro_x': 'w0', 'time': 'time'}, [1, 2], {0: [2, 3]}) for text in (
         '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
     ('\ufeff0;1,5\n0,1;1,6\n', {'time': '1', 'gyro_x': '2'}, [0, 0.1], {0: [1.5, 1.6]}),
 ], ids=['names', 'blanks', 'numbers of named columns', 'below a device',
-        'comment and blanks', 'two comments',
+        'below a message', 'comment and blanks', 'two comments',
         'mark and decimal commas'])
 def test_columns_of_any_name_can_be_named_or_numbered(path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
