@@ -203,8 +203,9 @@ class CsvRecording(FileRecording):
             times = _column(rows, clock.column) or next(filter(None, (
                 _column([_cells(line, delimiter) for line in lines], clock.column)
                 for lines, _ in self._lines())), [])
+            name = '' if columns.headless else names[clock.column].strip(QUOTES)
             columns = replace(columns, clock=None if rows and not times else _with_unit(
-                clock, times, options.rate_hz))
+                clock, times, options.rate_hz, name or str(clock.column + 1)))
         self._apart = columns.clock is not None and _are_apart(columns, rows)
         self._report_ignored(columns)
         if columns.clock is None and options.rate_hz is None:
@@ -399,7 +400,8 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence
                             f'none can be recognized by its name; {advice}')
 
 
-def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clock | None:
+def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None, name: str,
+               ) -> Clock | None:
     """Infer the unit of times or raise an error; return None if the given rate is used instead."""
     if clock.unit:
         return clock
@@ -428,5 +430,6 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None) -> Clo
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '
                 f'{apparent_hz:.3g} Hz, the rate of no IMU. Say what they are, such as --columns '
-                "'time=NAME ms' (or s, us, ns, min, s/10000), or give the sample rate with --rate")
+                f"'time={printable(name)} ms' (or s, us, ns, min, s/10000), or give the sample "
+                'rate with --rate')
     return replace(clock, unit=unit)

@@ -432,8 +432,8 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step,
     text = '\n'.join(['timestamp,gx', *rows, ''])
     assert refusal(path, text) == (
         f'the times are {step} apart, which in {unit} would be {hz} Hz, the rate of no IMU. Say '
-        "what they are, such as --columns 'time=NAME ms' (or s, us, ns, min, s/10000), or give "
-        'the sample rate with --rate')
+        "what they are, such as --columns 'time=timestamp ms' (or s, us, ns, min, s/10000), or "
+        'give the sample rate with --rate')
     for options, nanoseconds in ((RecordingOptions(rate_hz=50.0), 20_000_000),
                                  (named(time='timestamp us'), step * 1000)):
         block, _ = read(path, options=options)
