@@ -426,6 +426,10 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None, name: 
                 apparent_hz := 1 / (interval * convert(1.0, unit, 's'))) <= most_hz:
             if rate_hz is not None:
                 return None
+            if (steps == 1).all():
+                raise ImuAllanError(
+                    'the times are 1 apart, as the numbers of rows are. Give the sample rate with '
+                    f"--rate, or the unit of times with --columns 'time={printable(name)} ms'")
             digits = '.0f' if interval >= 1000 else '.3g'
             raise ImuAllanError(
                 f'the times are {interval:{digits}} apart, which in {unit} would be '

@@ -196,8 +196,8 @@ EIGHT_FIELDS = (
            ('time_s,imu0_gyro_x,imu1_gyro_x', '2 and 3', 'gyro_x', 'gyro_x=2'),
            ('time_s,accel_x,linear_accel_x,gy', '2 and 3', 'accel_x', 'accel_x=2,gyro_y=4'),
            # One of them is without gravity.
-           ('time_s,gyroscope_lsm6ds3_c.z,accelerometer_lsm6ds3_c.x,linear_Acceleration.x', '3 and 4',
-            'accel_x', 'gyro_z=2,accel_x=3'))),
+           ('time_s,gyroscope_lsm6ds3_c.z,accelerometer_lsm6ds3_c.x,linear_Acceleration.x',
+            '3 and 4', 'accel_x', 'gyro_z=2,accel_x=3'))),
     # A line of units, which are never taken for SI.
     ('time,gyro_x,accel_z\ns,deg/s,g\n0.5,180,1\n1.0,90,2\n', no_axes('s,deg/s,g')),
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
@@ -439,6 +439,15 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step,
         block, _ = read(path, options=options)
         assert (np.diff(block.header_ns) == nanoseconds).all()
         assert block.samples[:, 0].tolist() == list(range(200))
+
+
+def test_numbers_of_rows_are_not_said_to_be_milliseconds(path):
+    text = 'time,gx\n' + ''.join(f'{row},0.5\n' for row in range(200))
+    assert refusal(path, text) == (
+        'the times are 1 apart, as the numbers of rows are. Give the sample rate with --rate, or '
+        "the unit of times with --columns 'time=time ms'")
+    block, _ = read(path, rate_hz=50.0)
+    assert (np.diff(block.header_ns) == 20_000_000).all()
 
 
 @pytest.mark.parametrize('seconds', [
