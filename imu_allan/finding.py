@@ -133,6 +133,7 @@ CODES: Mapping[str, Code] = {
     'clock_jumps': _know(clock=Text, count=Count),
     'held_values': _know(share=Share),
     'unit_g': _know(),
+    'unit_assumed': _know(),
     'two_rates': _know(
         sensors=tuple[Text, ...], topics=tuple[Text, ...], rates_hz=tuple[Hertz | None, ...]),
     'repeated_half': _know(topic=Text, half=Text),

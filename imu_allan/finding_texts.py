@@ -509,6 +509,11 @@ WORDS: Mapping[str, Words] = {
         says='the magnitude of the acceleration is near 1: taken as g, not m/s^2',
         do='--accel :g says so, --accel :m/s^2 takes the numbers as they are',
         live='set accel_unit to g or to m/s^2'),
+    'unit_assumed': Words(
+        'unit assumed', 'The angular velocity was taken as rad/s.',
+        'The header of a table states no unit.',
+        says='no unit of the angular velocity is stated: taken as rad/s',
+        do='--gyro :deg/s converts it, --gyro :rad/s says so'),
     'two_rates': Words(
         'separate sensors', 'Gyroscope and accelerometer each have their own rate.',
         'By topics, or repeated values.', says=_two_rates),

@@ -152,7 +152,7 @@ SAID = [
             density_high_share=0.06, rate_error_share=0.02),
     finding('clock_jumps', clock='header', count=1),
     finding('clock_jumps', clock='header', count=3), finding('repeated_part', messages=60_000),
-    finding('held_values', share=0.5), finding('unit_g'),
+    finding('held_values', share=0.5), finding('unit_g'), finding('unit_assumed'),
     *(finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, rate])
       for rate in (250.0, 400.0001)),
     finding('repeated_half', topic=IMU, half='accel'),

@@ -230,6 +230,8 @@ class CsvRecording(FileRecording):
             # Ten names keep the remark to a line or two.
             self.remark('ignored_columns', count=len(cells),
                         columns=[printable(cell[:40]) for cell in cells[:10]])
+        if columns.unit_assumed:
+            self.remark('unit_assumed')
         axes = {axis for _, axis, _ in columns.axes}
         sensors = {axis // 3 for axis in axes}
         for axis, name in enumerate(AXES):

@@ -104,6 +104,8 @@ class Columns:
         Index of a column with the temperature.
     headless : bool
         Whether the first line holds the first sample instead of names.
+    unit_assumed : bool
+        Whether nothing says that the angular velocity is in rad/s.
 
     """
 
@@ -113,6 +115,7 @@ class Columns:
     ignored: tuple[str, ...] = ()
     temperature: int | None = None
     headless: bool = False
+    unit_assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -193,7 +196,13 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
                                          else [name.name, name.cell]))), None)
     ignored = [] if headless else [cell.strip() for column, cell in enumerate(cells)
                                    if column not in read and column != temperature]
-    return Columns(delimiter, clock, tuple(axes), tuple(ignored), temperature, headless)
+    # Names of ROS imply rad/s (REP-103), as --columns does, and gyro_rad of PX4 says it.
+    unit_assumed = options.gyro_unit is None and any(
+        name.unit is None and str(name.meaning).startswith('gyro') and column not in chosen
+        and not re.search('angular_?velocity|rad', name.name.lower())
+        for column, name in enumerate(names) if column in of_axes)
+    return Columns(delimiter, clock, tuple(axes), tuple(ignored), temperature, headless,
+                   unit_assumed)
 
 
 def echoed_imu(line: str) -> Columns | None:

@@ -138,9 +138,9 @@ def test_a_table_that_grows_is_read_as_it_was(path):
 
 
 @pytest.mark.parametrize(('text', 'stamps', 'values', 'count', 'first'), [
-    ('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
+    ('time_s,gyro_x_rad_s\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
      [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
-    ('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
+    ('time_s,gyro_x [rad/s]\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
      [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1')], ids=['empty cell', 'no time'])
 def test_lines_that_are_no_numbers_are_counted(path, text, stamps, values, count, first):
     messages, [remark] = read_text(path, text)
@@ -148,6 +148,19 @@ def test_lines_that_are_no_numbers_are_counted(path, text, stamps, values, count
     assert np.array_equal(messages.samples[:, 0], values, equal_nan=True)
     assert remark == said(path, 'malformed_messages', what='line', count=count, first=first,
                           severity='act')
+
+
+@pytest.mark.parametrize(('header', 'stated', 'assumed'), [
+    ('time_s,gyro_x', {}, True), ('time_s,gyro_x', {'gyro_unit': 'rad/s'}, False),
+    ('time_s,gyro_x', {'gyro_unit': 'deg/s'}, False), ('time_s,gyro_x [deg/s]', {}, False),
+    ('t,w', {'columns': (('time', 't'), ('gyro_x', 'w'))}, False), ('time_s,accel_x', {}, False),
+    ('time_s,imu.angular_velocity.x', {}, False), ('time_s,gyro_rad[0]', {}, False)])
+def test_a_gyroscope_without_a_unit_is_said_to_be_taken_as_rad_per_s(
+        path, header, stated, assumed):
+    # In deg/s, a quiet one would pass for a plausible one that is 57 times as noisy.
+    _, remarks = read_text(path, f'{header}\n' + '0.01,1\n' * 9,
+                           options=RecordingOptions(**stated))
+    assert ('unit_assumed' in {remark.code for remark in remarks}) is assumed
 
 
 def table(header, row, mark=','):
@@ -480,7 +493,7 @@ def test_a_table_of_all_topics_of_a_robot_takes_no_time(path):
     # Each name was compared with all others: 100 s.
     names = [f'/robot/joint_{number}/pos/{axis}' for number in range(10_000) for axis in 'xyz']
     begin = time.process_time()
-    messages, [remark] = read_text(path, f'{",".join(["t", *names, "gy"])}\n'
+    messages, [remark] = read_text(path, f'{",".join(["t", *names, "gy_rad_s"])}\n'
                                          f'{",".join(["1", *["0"] * len(names), "3"])}\n')
     assert time.process_time() - begin < 5
     assert messages.samples[0, 1] == 3
