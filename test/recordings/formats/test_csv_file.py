@@ -191,10 +191,10 @@ EIGHT_FIELDS = (
     ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
     ('\n' * 200 + 'time_s,gyro_x\n0,1\n', no_axes('')),
     *((f'{above}1.7e18,0.1,-0.2,0.3,imu,9.8\n',
-     'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
-     'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
-     "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
-     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
+      'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
+      'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
+      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
+      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
       for above in ('', 'Ready.\nDevice with address a0 found\n')),
     *((f'time_s,gyro_x\n{blank}', 'no line of samples below the names of the columns')
       for blank in ('', '\n', ' \n\n')),
