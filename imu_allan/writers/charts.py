@@ -183,7 +183,7 @@ def _label_terms(panel: Panel, axis: AxisResult, avoid: Array, *, brief: bool) -
     for key, value in values.items():
         term = TERMS[key]
         at = curves.reading_point(term, axis, tau)
-        lines = [f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}',
+        lines = [curves.labelled(axis.coefficients[key]),
                  term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x']),
                  *([] if term.read_at else [f'line at {FLICKER_FLOOR:.3f} B'])]
         panel.label(at, float(term.adev(value, at)), lines[:1] if brief else lines, avoid, taken)
@@ -201,7 +201,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
     if not known:
         return None
     found = [item for _, item, _ in known.values()]
-    kinds = {place: f'result-{int(place) % 7}' for place in known}
+    kinds = {place: f'result-{place}' for place in known}
 
     def draw(drawing: Drawing) -> None:
         panel = _allan_panel(drawing, axis.partition('_')[0], found, curves.limits_of(found), 1.6)
@@ -309,22 +309,22 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
     """Draw spectrum, model and excluded lines; None if there is neither of the first two."""
     known = {name: axis for name, axis in axes.items()
              if axis.spectrum is not None or curves.coefficients_of(axis)}
-    rate = next((curves.rate_of(axis, timeline) for axis in known.values()), None)
-    if rate is None or timeline.duration_s <= 0:
+    models = {name: curves.model_density(axis, timeline, 160) for name, axis in known.items()}
+    frequency, _ = next(iter(models.values()), (np.zeros(0), None))
+    if not len(frequency):
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)
     limits = curves.density_limits(known.values(), timeline)
-    lowest = min(1 / timeline.duration_s, rate / 4)
-    frequency = np.geomspace(lowest, rate / 2, 160)
+    lowest, highest = map(float, frequency[[0, -1]])
 
     def draw(drawing: Drawing) -> None:
-        panel = log_panel(drawing, (lowest / 1.2, rate / 2 * 1.2), limits, unit,
+        panel = log_panel(drawing, (lowest / 1.2, highest * 1.2), limits, unit,
                           'frequency [Hz]', 'power spectral density, two-sided', 2)
         for name, axis in known.items():
             if axis.band_edge_hz is not None:
                 with panel.group(name[-1], 'detail'):
-                    panel.span(axis.band_edge_hz, rate / 2, 'beyond-band',
+                    panel.span(axis.band_edge_hz, highest, 'beyond-band',
                                f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')
             # Only the strongest, since more labels would overlap.
             for tone in axis.tones[:12]:
@@ -338,8 +338,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
                 if axis.spectrum is not None:
                     with panel.group(*of(name)):
                         panel.line('measured', *curves.in_bands(axis.spectrum))
-            for name, axis in known.items():
-                model = curves.model_density(axis, frequency, rate)
+            for name, (frequency, model) in models.items():
                 with panel.group(*of(name)):
                     panel.line('curve model', frequency, np.where(model > 0, model, np.nan))
 
@@ -355,14 +354,13 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                 tunings: Mapping[str, FilterTuning]) -> Chart | None:
     """Draw the unaided drift over time, predicted and observed; None if neither is known."""
-    known = {name: axis for name, axis in axes.items()
-             if name in tunings or (axis.backtest is not None and axis.backtest.coast)}
+    coasts = {name: axis.backtest.coast if axis.backtest else () for name, axis in axes.items()}
+    known = {name: axis for name, axis in axes.items() if name in tunings or coasts[name]}
     if not known:
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)
     expected = {name: np.array(tunings[name].consistency).T for name in known if name in tunings}
-    coasts = {name: axis.backtest.coast if axis.backtest else () for name, axis in known.items()}
     met = [coast for each in coasts.values() for coast in each]
     horizons = np.concatenate([*(line[0] for line in expected.values()),
                                [one.horizon_s for one in met]])
@@ -393,10 +391,9 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                         f'{number(c.predicted_sigma * factor, 3)}, observed '
                         f'{number(c.observed_rms * factor, 3)} {typeset(shown)}' for c in coast])
 
-    tested = any(axis.backtest is not None for axis in known.values())
     return sensor_chart(
         sensor, 'drift', 'unaided drift', 'predicted and observed drift',
         'Line: expected error of a filter with the tuned numbers.' + (
             ' Points: what happened in the part of the recording that the model was not fitted '
             'to. Of the axis chosen, 95 % of them should fall into the shade.'
-            if tested else ''), (340, 300), draw, known)
+            if met else ''), (340, 300), draw, known)

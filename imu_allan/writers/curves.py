@@ -117,17 +117,22 @@ def shortest_fitted_s(axis: AxisResult) -> float:
     return 1 / (axis.band_edge_hz or inf)
 
 
-def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float) -> Array:
+def model_density(axis: AxisResult, timeline: Timeline, points: int) -> tuple[Array, Array]:
     """
-    Return the two-sided power spectral density of the samples under the fitted model.
+    Return frequencies up to half the rate, and the two-sided density of the model at them.
 
     It is in squared sample units per Hz; NaN above the fitted band, which the model does not
     describe, and for an axis without a model. The ramp is deterministic and has no spectrum.
+    Both are empty if the rate is unknown, or no time has passed.
     """
+    rate = rate_of(axis, timeline)
+    if rate is None or timeline.duration_s <= 0:
+        return np.zeros(0), np.zeros(0)
+    frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, points)
     if not any(axis.curve.model_adev):
-        return np.full(len(frequency_hz), np.nan)
-    density = reported_model(axis).density(frequency_hz, 1 / sample_rate_hz)
-    return np.where(frequency_hz > (axis.band_edge_hz or inf), np.nan, density)
+        return frequency, np.full(points, np.nan)
+    density = reported_model(axis).density(frequency, 1 / rate)
+    return frequency, np.where(frequency > (axis.band_edge_hz or inf), np.nan, density)
 
 
 def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
@@ -170,15 +175,6 @@ def reading_point(term: Term, axis: AxisResult, tau: Array) -> float:
     return float(np.sqrt(flat[0] * flat[-1]))
 
 
-def value_with_unit(coefficient: Coefficient, value: float) -> str:
-    """Return a value of `coefficient` with its unit, to the digits that its interval justifies."""
-    shown, unit = engineering(value, coefficient.unit)
-    if coefficient.ci95 is None:
-        return f'{number(shown)} {typeset(unit)}'
-    bounds = (engineering(abs(bound), coefficient.unit)[0] for bound in coefficient.ci95)
-    return f'{measured(shown, *bounds)[0]} {typeset(unit)}'
-
-
 def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
     """Return value and interval ends, only the bound, or nothing, in datasheet or SI units."""
     scale = 1.0 if si else engineering(1.0, coefficient.unit)[0]
@@ -187,6 +183,12 @@ def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
     if coefficient.upper95 is None:
         return ()
     return (bounded(scale * coefficient.upper95, coefficient.symbol),)
+
+
+def labelled(coefficient: Coefficient) -> str:
+    """Return the magnitude of an observable coefficient with symbol and unit: ``N = 2.4 °/√h``."""
+    magnitude, unit = reported(coefficient)[0].lstrip('-'), engineering(1.0, coefficient.unit)[1]
+    return f'{coefficient.symbol} = {magnitude} {typeset(unit)}'
 
 
 def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
@@ -223,13 +225,10 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
     """Return the density limits to show: about the model, with strong lines cut off."""
     low, high = inf, 0.0
     for axis in axes:
-        rate = rate_of(axis, timeline)
-        if rate is not None and timeline.duration_s > 0:
-            frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 60)
-            model = model_density(axis, frequency, rate)
-            model = model[model > 0]
-            if len(model):
-                low, high = min(low, float(model.min())), max(high, float(model.max()))
+        _, model = model_density(axis, timeline, 60)
+        model = model[model > 0]
+        if len(model):
+            low, high = min(low, float(model.min())), max(high, float(model.max()))
         if axis.spectrum is not None:
             measured = np.array([value for value in axis.spectrum.psd if value > 0])
             if len(measured):

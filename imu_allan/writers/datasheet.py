@@ -41,8 +41,7 @@ def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
     keys = [None if verdict.verdict == 'pass' else (
         verdict.verdict, _with_figures(verdict).removeprefix(
             f'{verdict.axis} {verdict.symbol}: ')) for verdict in verdicts]
-    order = sorted({key for key in keys if key is not None},
-                   key=lambda key: (key[0] != 'fail', keys.index(key)))
+    order = sorted(dict.fromkeys(filter(None, keys)), key=lambda key: key[0] != 'fail')
     sentences = [', '.join(f'{verdict.axis} {verdict.symbol}' for verdict, own in zip(
         verdicts, keys, strict=True) if own == key) + f': {key[1]}' for key in order]
     return sentences, [None if key is None else order.index(key) + 1 for key in keys]

@@ -207,9 +207,7 @@ def draw_terms(panel: Axes, axis: AxisResult) -> None:
         else:
             place = seen[len(seen) * 2 // 5]
             at, height = tau[place], line[place]
-        _name(panel, axis, (at, height), [
-            f'{term.symbol} = {curves.value_with_unit(axis.coefficients[key], abs(value))}',
-            slope], taken)
+        _name(panel, axis, (at, height), [curves.labelled(axis.coefficients[key]), slope], taken)
 
 
 def _draw_soft(panel: Axes, x: Array, y: Array, dashes: Any) -> None:
@@ -248,27 +246,26 @@ def _name(panel: Axes, axis: AxisResult, at: tuple[float, float], lines: Sequenc
 
 def draw_density(panel: Axes, axis: AxisResult, timeline: Timeline, colour: str) -> None:
     """Draw the two-sided spectrum: measured, if there is one, and modelled, with the tones."""
-    rate = curves.rate_of(axis, timeline)
-    if rate is None or timeline.duration_s <= 0:
+    frequency, model = curves.model_density(axis, timeline, 300)
+    if not len(frequency):
         return
     if axis.band_edge_hz is not None:
-        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS['good'], linewidth=0, zorder=0)
+        panel.axvspan(axis.band_edge_hz, frequency[-1], color=COLOURS['good'], linewidth=0,
+                      zorder=0)
         panel.text(0.99, 0.02, 'shaded: not fitted', transform=panel.transAxes, ha='right',
                    va='bottom', fontsize=7, color=COLOURS['soft'])
     if axis.spectrum is not None:
-        frequency, power = curves.in_bands(axis.spectrum)
+        bands, power = curves.in_bands(axis.spectrum)
         seen = power > 0
-        panel.plot(frequency[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
+        panel.plot(bands[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
                    drawstyle='steps-mid', zorder=2)
-    frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 300)
-    model = curves.model_density(axis, frequency, rate)
     fitted = model > 0
     panel.plot(frequency[fitted], model[fitted],
                color=COLOURS['ink'] if axis.spectrum is not None else colour,
                linewidth=1.3, zorder=3)
     soft = COLOURS['soft']
     for key, value in curves.coefficients_of(axis).items():
-        own = FittedModel({key: value}).density(frequency, 1 / rate)
+        own = FittedModel({key: value}).density(frequency, 0.5 / frequency[-1])
         inside = own > model[fitted].min(initial=inf) * 0.3
         _draw_soft(panel, frequency[inside], own[inside], _TERM_DASHES[key])
     named: list[float] = []

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from html import escape
 from itertools import product
 from math import ceil, floor, inf, log10
-import re
 
 from imu_allan.arrays import Array
 import numpy as np
@@ -166,7 +165,8 @@ class Panel:
                 line('tickmark', right, at, right + 5, at)
                 text(right + 9, at + FONT * 0.35, label, 'tick')
             text(right + 50, top - 9, self.second, 'title', 'end')
-        place, clip = _place(*self.box), f'{self.drawing.name}-clip{len(self.drawing.parts)}'
+        place = f'x="{left:g}" y="{top:g}" width="{right - left:g}" height="{bottom - top:g}"'
+        clip = f'{self.drawing.name}-clip{len(self.drawing.parts)}'
         return self._within(f'<clipPath id="{clip}"><rect {place}/></clipPath>'
                             f'<rect class="frame" {place}/><g clip-path="url(#{clip})">')
 
@@ -291,9 +291,8 @@ class Drawing:
 
     def text(self, x: float, y: float, text: str, kind: str, anchor: str = 'start') -> None:
         """Draw a text."""
-        shown = re.sub(r'\s+', ' ', text)
         self.parts.append(f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">'
-                          f'{escape(shown)}</text>')
+                          f'{escape(text)}</text>')
 
     def line(self, kind: str, x0: float, y0: float, x1: float, y1: float) -> None:
         """Draw a straight line."""
@@ -308,10 +307,6 @@ class Drawing:
         """Return the image as SVG; the class `size` selects the page width for which it is."""
         return (f'<svg class="chart {size}" viewBox="0 0 {self.width:g} {self.height:g}" '
                 f'role="img" aria-label="{escape(self.label)}">{"".join(self.parts)}</svg>')
-
-
-def _place(left: float, top: float, right: float, bottom: float) -> str:
-    return f'x="{left:g}" y="{top:g}" width="{right - left:g}" height="{bottom - top:g}"'
 
 
 def _path(x: Array, y: Array) -> str:

@@ -13,7 +13,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
 from imu_allan.writers.curves import axes_of
-from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, times
+from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, SENSORS, times
 from imu_allan.writers.filters.template import (
     each,
     expanded,
@@ -69,13 +69,12 @@ def glim(numbers: Numbers) -> str:
     densities = expanded(numbers, """    "imu_acc_noise": {accel N},
     "imu_gyro_noise": {gyro N},""")
     steps, said = [], []
-    units: dict[Sensor, str] = {'accel': 'm/s^2', 'gyro': 'rad/s'}
-    for sensor, unit in units.items():
+    for sensor in SENSORS:
         if (found := numbers.worst(sensor, 'K')) is not None:
             name, step = found[0], found[1].value * sqrt(frame)
             steps.append(step)
             measured = numbers.measured(name, 'K', times(sqrt(frame)))
-            said.append(f'{name} {real(step)} {unit}, {measured}')
+            said.append(f'{name} {real(step)} {UNITS[sensor, "sigma"]}, {measured}')
     return joined([
         *heading(numbers, '//'), '// Part of config_sensors.json, which allows comments: put '
         'these in place of its own.', '{', '  "sensors": {', str(densities),
