@@ -259,7 +259,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     population = fleet.population
     return rendered(
         'fleet.html', version=__version__, title=printable(title),
-        style=Markup(text_of('report.css')), facts=_facts(fleet), fleet=fleet, worst=_worst,
+        style=Markup(text_of('report.css')), program='', facts=_facts(fleet), fleet=fleet, worst=_worst,
         findings=findings_line,
         picture=Markup(_svg(curves_figure(fleet.results, population))) if fleet.results else '',
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
