@@ -555,7 +555,8 @@ def test_an_imu_on_two_topics_has_none_that_a_filter_could_subscribe_to():
 
 @pytest.mark.parametrize(('consumer', 'line'), [
     ('kf_gins', '  # gbstd: the datasheet has no value for it'),
-    ('gazebo', '      <!-- dynamic_bias: the datasheet has no value for it -->')])
+    ('gazebo', '      <!-- dynamic_bias: the datasheet has no value for it -->'),
+    ('glim', '    // imu_bias_noise')])
 def test_a_process_that_a_datasheet_does_not_have_is_missing_and_said_so(tmp_path, consumer, line):
     text = exported_sheet(tmp_path, consumer, '')
     assert line in text.splitlines()

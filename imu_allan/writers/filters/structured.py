@@ -8,6 +8,7 @@ The docstring of each function states where in the consumer's source the meaning
 
 import json
 from math import pi, sqrt
+import re
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.units import STANDARD_GRAVITY
@@ -75,13 +76,15 @@ def glim(numbers: Numbers) -> str:
             steps.append(step)
             measured = numbers.measured(name, 'K', times(sqrt(frame)))
             said.append(f'{name} {real(step)} {UNITS[sensor, "sigma"]}, {measured}')
-    return joined([
+    text = joined([
         *heading(numbers, '//'), '// Part of config_sensors.json, which allows comments: put '
         'these in place of its own.', '{', '  "sensors": {', str(densities),
         f'    // K sqrt(T), T = {frame:g} s between lidar frames; one value for both sensors, the '
         'larger:', f'    // {", ".join(said) or "no value"}',
         f'    "imu_bias_noise": {real(max(steps))}' if steps else '    // imu_bias_noise',
         '  }', '}'])
+    # JSON has no comma after the last value, whichever that is.
+    return re.sub(r',(?=\n(?: *//.*\n)* *\})', '', text)
 
 
 def gazebo(numbers: Numbers) -> str:
