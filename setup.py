@@ -39,7 +39,6 @@ setup(
         'isal>=1.6; platform_machine in "x86_64 AMD64 aarch64 arm64"',
         'typing_extensions>=4.0',
         'jinja2>=3.0',
-        'markupsafe>=2.0',
     ],
     extras_require={
         'ros': [

@@ -161,8 +161,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         package = (error.name or '').partition('.')[0]
         # These may be missing after rosdep; their names are the same in pip and in Python.
-        if package not in ('isal', 'lz4', 'markupsafe', 'mcap', 'rich', 'rosbags', 'scipy',
-                           'zstandard'):
+        if package not in ('isal', 'lz4', 'mcap', 'rich', 'rosbags', 'scipy', 'zstandard'):
             raise
         return _fail(f'needs the Python package {package}, which is not installed: '
                      f'pip install {package}')

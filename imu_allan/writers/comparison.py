@@ -120,17 +120,16 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
-    names = [differences[0].reference, *others]
-    labels = {name: Text(printable(name)) for name in names}
-    table = bare_table('axis', 'term', 'unit', labels[names[0]], *(
-        [labels[names[1]]] if alone else ['other', 'value']), 'ratio', 'intervals', texts=3)
+    table = bare_table('axis', 'term', 'unit', Text(printable(differences[0].reference)), *(
+        [Text(printable(others[0]))] if alone else ['other', 'value']), 'ratio', 'intervals',
+        texts=3)
     for difference in differences:
         reference, other = difference.coefficients
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
             spoken(difference.axis), TERMS[difference.key].symbol,
             engineering(1.0, reference.unit)[1], shown(reference),
-            *([] if alone else [labels[difference.other]]), shown(other),
+            *([] if alone else [Text(printable(difference.other))]), shown(other),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',
                  style='bold yellow' if beyond else ''))

@@ -17,7 +17,6 @@ from imu_allan.errors import printable, shorten
 from imu_allan.result import Inspection, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import convert, typeset, unit_of
-from imu_allan.version import __version__
 from imu_allan.wording import measured, number
 from imu_allan.writers.key_figures import findings_line
 from imu_allan.writers.pages import rendered
@@ -117,7 +116,7 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     # More would push the signature off the sheet; the table has all verdicts anyway.
     most = 8
     return rendered(
-        'certificate.html', version=__version__, outcome=outcome, outcome_class=marks[outcome][1],
+        'certificate.html', outcome=outcome, outcome_class=marks[outcome][1],
         title=shorten(printable(title), _LONGEST), facts=_facts(result, specification),
         tables={sensor: {key: [one for one in own if one[0].key == key]
                          for key in dict.fromkeys(verdict.key for verdict, _ in own)}

@@ -38,7 +38,7 @@ from imu_allan.wording import counted, listed, named, number, ranged, rounded
 from imu_allan.writers.atomic import write_files
 from imu_allan.writers.curves import axes_of, reported, worst_of
 from imu_allan.writers.key_figures import findings_line
-from imu_allan.writers.pages import rendered, text_of
+from imu_allan.writers.pages import rendered
 from imu_allan.writers.panels import COLOURS, SERIES
 from imu_allan.writers.plot import curves_figure, render
 from imu_allan.writers.terminal import bare_table, wrapped
@@ -239,8 +239,7 @@ def fleet_csv(fleet: Fleet) -> str:
                 numbers += [found.value, *(found.ci95 or (None, None)), found.upper95]
         writer.writerow([_cell_text(unit), _cell_text(fleet.serial(unit) or ''),
                          _cell_text(result.source.path or ''), 'odd' if reasons else 'ok',
-                         '; '.join(reasons),
-                         *('' if number is None else repr(number) for number in numbers)])
+                         '; '.join(reasons), *numbers])
     for failure in fleet.failures:
         writer.writerow([_cell_text(failure.unit), '', _cell_text(failure.path), 'failed',
                          _cell_text(failure.reason)])
@@ -254,14 +253,11 @@ def _cell_text(text: str) -> str:
 
 def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
     """Return the HTML page of a fleet, which loads nothing: pictures are embedded."""
-    from markupsafe import Markup
-
     population = fleet.population
     return rendered(
-        'fleet.html', version=__version__, title=printable(title),
-        style=Markup(text_of('report.css')), program='', facts=_facts(fleet), fleet=fleet, worst=_worst,
+        'fleet.html', program='', title=title, facts=_facts(fleet), fleet=fleet, worst=_worst,
         findings=findings_line,
-        picture=Markup(_svg(curves_figure(fleet.results, population))) if fleet.results else '',
+        picture=_svg(curves_figure(fleet.results, population)) if fleet.results else '',
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
         # For each, the worst axis of a unit is shown.

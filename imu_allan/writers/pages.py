@@ -10,15 +10,17 @@ from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
+from imu_allan.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-def rendered(template: str, **context: Any) -> str:
-    """Return the page rendered from a template."""
+def rendered(template: str, version: str = __version__, **context: Any) -> str:
+    """Return the page rendered from a template; `version` is the one that the page names."""
     return _environment().get_template(template).render(
-        mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS, **context)
+        mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS,
+        version=version, **context)
 
 
 def text_of(name: str) -> str:

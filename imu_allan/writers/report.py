@@ -21,7 +21,6 @@ from imu_allan.finding_messages import for_display, message_of, sensor_verdicts,
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Interval, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.version import __version__
 from imu_allan.writers import charts, key_figures
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import by_sensor, reported
@@ -69,17 +68,14 @@ def comparison_html(results: Mapping[str, Result]) -> str:
                   'facts': _facts(result)} for name, result in named_results.items()]
     return _page('comparison.html', shown=shown, verdicts=verdicts(results), charts=drawn,
                  title='Allan deviation compared', summaries=summaries,
-                 differences=compare(results), version=__version__)
+                 differences=compare(results))
 
 
 def _page(template: str, **context: Any) -> str:
-    from markupsafe import Markup
-
-    # Style sheet and script are not templates, despite the suffix of their files.
+    # The script is no template, despite the suffix of its file.
     program = text_of('report.js')
     digest = b64encode(sha256(program.encode()).digest()).decode()
-    return rendered(template, style=Markup(text_of('report.css')), program=Markup(program),
-                    hashes=f"'sha256-{digest}'", **context)
+    return rendered(template, program=program, hashes=f"'sha256-{digest}'", **context)
 
 
 def _facts(result: Result) -> list[str]:

@@ -104,9 +104,8 @@ def curves_csv(result: Result) -> str:
     for name, axis in result.axes.items():
         curve = axis.curve
         for i, tau in enumerate(curve.tau_s):
-            numbers = (tau, curve.adev[i], *curve.ci68[i], *curve.ci95[i], curve.edf[i],
-                       curve.model_adev[i])
-            writer.writerow((name, axis.unit, *(repr(float(number)) for number in numbers)))
+            writer.writerow((name, axis.unit, tau, curve.adev[i], *curve.ci68[i], *curve.ci95[i],
+                             curve.edf[i], curve.model_adev[i]))
     return text.getvalue()
 
 

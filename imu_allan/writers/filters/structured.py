@@ -7,11 +7,11 @@ The docstring of each function states where in the consumer's source the meaning
 """
 
 import json
-from math import pi, sqrt
+from math import sqrt
 import re
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.sensor.units import convert
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
 from imu_allan.writers.curves import axes_of
 from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Sensor, SENSORS, times
@@ -130,14 +130,15 @@ def airsim(numbers: Numbers) -> str:
     settings: dict[str, object] = {'SensorType': 2, 'Enabled': True}
     # Seconds, from ImuSimpleParams.hpp; the file states them explicitly.
     gyro_tau, accel_tau = 500.0, 800.0
-    units: dict[tuple[Sensor, Key], tuple[str, float]] = {
-        ('gyro', 'N'): ('AngularRandomWalk', pi / 180 / 60),
-        ('accel', 'N'): ('VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
-        ('gyro', 'K'): ('GyroBiasStability', pi / 180 / 3600 / sqrt(gyro_tau)),
-        ('accel', 'K'): ('AccelBiasStability', STANDARD_GRAVITY * 1e-6 / sqrt(accel_tau))}
+    names: dict[tuple[Sensor, Key], tuple[str, str, float]] = {
+        ('gyro', 'N'): ('AngularRandomWalk', 'deg/sqrt(h)', 1.0),
+        ('accel', 'N'): ('VelocityRandomWalk', 'mg/sqrt(Hz)', 1.0),
+        ('gyro', 'K'): ('GyroBiasStability', 'deg/h/sqrt(s)', sqrt(gyro_tau)),
+        ('accel', 'K'): ('AccelBiasStability', 'ug/sqrt(s)', sqrt(accel_tau))}
     remarks = [*provenance(numbers), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
-    for (sensor, key), (name, unit) in units.items():
-        value, said = worst(numbers, sensor, key, times(1 / unit))
+    for (sensor, key), (name, unit, factor) in names.items():
+        scale = times(factor * convert(1.0, UNITS[sensor, key], unit))
+        value, said = worst(numbers, sensor, key, scale)
         if value is None:
             remarks.append(f'{name}: {numbers.no_value}')
         else:
