@@ -413,6 +413,16 @@ def test_names_from_a_recording_cannot_add_lines(consumer):
     assert nasty == tame
 
 
+@pytest.mark.parametrize('consumer', ['gazebo', 'rotors'])
+@pytest.mark.parametrize(('path', 'shown'), [
+    ('night---2', 'night- - -2'), ('a & b --> c', 'a & b - -> c')])
+def test_a_comment_in_xml_ends_at_no_name_and_shows_it_as_it_is(consumer, path, shown):
+    text = export(build(source=replace(EASY.source, path=path)), consumer)
+    assert f'\n{shown}, ' in text
+    # Its body has no two hyphens, or no parser reads the file.
+    assert read(consumer, text)
+
+
 def test_what_gives_no_configuration_is_refused():
     with refused('no configuration for kalibr: no axis of this result has a noise density '
                  '(constant or too short); look at the driver, or record longer'):
