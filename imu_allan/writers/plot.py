@@ -81,7 +81,8 @@ def overview_figure(result: Result) -> 'Figure':
         halves = max(1, len(sensors))
         live = [sensor for sensor, axes in sensors.items()
                 if any(any(axis.curve.adev) for axis in axes.values())]
-        figure = panels.empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
+        # Of one sensor alone it is no narrower: the heading takes this width.
+        figure = panels.empty_figure(12.0, 8.0 if live else 1.7)
         _write_heading(figure, result)
         for column, (sensor, axes) in enumerate(sensors.items()):
             left, width = column / halves, 1 / halves
@@ -107,7 +108,8 @@ def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
     axes = curves.axes_of(result, sensor)
     with panels.plot_style():
-        figure = panels.empty_figure(5.2 * len(axes) + 0.6, 11.2)
+        # Of fewer axes it is no narrower, since heading and labels take the same space.
+        figure = panels.empty_figure(5.2 * 3 + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
         _write_heading(figure, result, wording.SENSORS[sensor])

@@ -5,7 +5,7 @@ from math import degrees
 import re
 import xml.etree.ElementTree as ElementTree
 
-from exact_results import axis_result, with_axes
+from exact_results import axis_result, only, with_axes
 import imu_allan
 from imu_allan.finding import Finding
 from imu_allan.result import Curve, Signal, Source, Span, Timeline, Total
@@ -35,10 +35,11 @@ def texts_of(figure):
     return [text.get_text() for text in figure.findobj(Text)]
 
 
-def test_no_text_lies_over_another_or_beyond_the_edge(result):
+@pytest.mark.parametrize('axes', ['', 'accel', 'accel_x'])
+def test_no_text_lies_over_another_or_beyond_the_edge(result, axes):
     assert result.timeline.gaps
     assert result.timeline.motion
-    warm = replace(result, temperature=result.axes['gyro_x'].signal)
+    warm = only(replace(result, temperature=result.axes['gyro_x'].signal), axes)
     for figure in (plot.overview_figure(warm), plot.sensor_figure(warm, 'accel')):
         figure.draw_without_rendering()
         page = figure.bbox.padded(1)
