@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf
 from typing import Any, TYPE_CHECKING
+import warnings
 
 from imu_allan.arrays import Array
 from imu_allan.noise.fitted_model import FittedModel
@@ -62,7 +63,9 @@ def plot_style() -> Iterator[None]:
     """Apply the fonts, lines and colours of all figures within the context."""
     import matplotlib
 
-    with matplotlib.rc_context():
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        # Characters of a frame_id that the font lacks are drawn as boxes; do not warn about them.
+        warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
         matplotlib.rcdefaults()
         matplotlib.rcParams.update({
             'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,

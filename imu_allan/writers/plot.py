@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 import io
 from typing import TYPE_CHECKING
-import warnings
 
 from imu_allan import wording
 from imu_allan.errors import printable, shorten
@@ -137,9 +136,7 @@ def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:  #
     content = io.BytesIO()
     # Make the bytes reproducible: no date, and no random identifiers in SVG.
     metadata = {{'png': 'Software', 'svg': 'Date', 'pdf': 'CreationDate'}[format]: None}
-    with panels.plot_style(), warnings.catch_warnings():
-        # Characters of a frame_id that the font lacks are drawn as boxes; do not warn about them.
-        warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
+    with panels.plot_style():
         figure.savefig(content, format=format, dpi=dpi, metadata=metadata,
                        facecolor=figure.get_facecolor())
     return content.getvalue()
@@ -211,8 +208,11 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),
             (key, 0.70, 8.5, 'soft', 'normal')):
         # Names from a recording are plain text: a dollar sign does not start a formula.
-        figure.text(0.02, 1 - below / top, text, fontsize=size, color=panels.COLOURS[colour],
-                    fontweight=weight, va='center', parse_math=False)
+        line = figure.text(0.02, 1 - below / top, text, fontsize=size, fontweight=weight,
+                           color=panels.COLOURS[colour], va='center', parse_math=False)
+        # Serial number, operator and station make a line longer than the sheet is wide.
+        room = 0.96 * figure.bbox.width / line.get_window_extent().width
+        line.set_fontsize(size * min(1.0, room))
 
 
 def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str = '') -> 'Figure':

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from exact_results import axis_result, only, with_axes
 import imu_allan
 from imu_allan.finding import Finding
-from imu_allan.result import Curve, Signal, Source, Span, Timeline, Total
+from imu_allan.result import Curve, Inspection, Signal, Source, Span, Timeline, Total
 from imu_allan.writers import charts, curves, plot
 from imu_allan.writers.fleet import Fleet
 from imu_allan.writers.report import report_html
@@ -39,7 +39,9 @@ def texts_of(figure):
 def test_no_text_lies_over_another_or_beyond_the_edge(result, axes):
     assert result.timeline.gaps
     assert result.timeline.motion
-    warm = only(replace(result, temperature=result.axes['gyro_x'].signal), axes)
+    warm = only(replace(
+        result, temperature=result.axes['gyro_x'].signal, inspection=Inspection(
+            serial='IMU-2026-000123', operator='Jane Doe', station='line 3, bench 2')), axes)
     for figure in (plot.overview_figure(warm), plot.sensor_figure(warm, 'accel')):
         figure.draw_without_rendering()
         page = figure.bbox.padded(1)
