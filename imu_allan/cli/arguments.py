@@ -9,7 +9,6 @@ Values out of range are reported as wrong usage at once.
 import argparse
 from collections.abc import Mapping
 import math
-from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
@@ -19,7 +18,6 @@ from imu_allan.writers.supported_filters import consumer_called
 if TYPE_CHECKING:
     from imu_allan.analysis import Choice
     from imu_allan.recordings import RecordingOptions
-    from imu_allan.sensor.noise_model import NoiseModel
 
 _META = ('serial', 'operator', 'station')
 
@@ -86,15 +84,6 @@ def whole_number(text: str) -> int:
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     return value
-
-
-def specification_of(text: str) -> 'NoiseModel':
-    """Return a datasheet, from a file or from those that are shipped."""
-    from imu_allan.sensor.noise_model import find_model, load_model
-
-    # `find_model` looks for regular files only, so a pipe is opened directly.
-    given = Path(text)
-    return load_model(given if given.exists() else find_model(text))
 
 
 def add_inspection(parser: argparse.ArgumentParser) -> None:

@@ -65,13 +65,14 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.finding_messages import for_display, in_full
     from imu_allan.recordings import recordings_in
     from imu_allan.result import Inspection
+    from imu_allan.sensor.noise_model import find_model, load_model
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_files import is_result
 
     if is_result(args.source):
         arguments.refuse_reading_options(args, 'a recording, not a result')
-    specification, choice = arguments.specification_of(args.spec), arguments.choice_of(args)
+    specification, choice = load_model(find_model(args.spec)), arguments.choice_of(args)
     source, *others = map(str, recordings_in(args.source, choice.reading))
     if others:
         raise ImuAllanError(f'{args.source}: holds {1 + len(others)} recordings; check each by '

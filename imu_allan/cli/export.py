@@ -56,6 +56,7 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
+    from imu_allan.sensor.noise_model import find_model, load_model
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.filters import CONSUMERS, export, ExportOptions
     from imu_allan.writers.filters.chosen_numbers import result_of_datasheet
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if (args.result is None) == (args.spec is None):
         args.parser.error('takes a RESULT, or a datasheet by --spec FILE')
     result = load_result(args.result) if args.spec is None else result_of_datasheet(
-        arguments.specification_of(args.spec), args.spec, args.rate)
+        load_model(find_model(args.spec)), args.spec, args.rate)
     path = None if args.output is None else Path(args.output)
     if path is not None and (path.is_dir() or args.output.endswith(os.sep)):
         path = path / CONSUMERS[args.consumer].file

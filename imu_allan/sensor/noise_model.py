@@ -84,6 +84,9 @@ def find_model(name: str) -> Path:
                 shipped = parent / folder / f'{path.stem}.yaml'
                 if shipped.is_file() and (shipped.parents[1] / 'package.xml').is_file():
                     return shipped
+    if path.exists():
+        # A pipe; a folder is refused where it is read.
+        return path
     raise ImuAllanError(f'{printable(name)}: no such file, and no model of that name is shipped; '
                         'give the path of a noise model YAML file')
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs that write a recording and that describe one: simulate and info."""
 
+import os
 from pathlib import Path
+from threading import Thread
 
 from bags import block, read
 import imu_allan
@@ -50,6 +52,17 @@ def test_without_output_the_recording_is_named_after_the_model_and_replaces_noth
     fails_with('mine: exists already; name another folder with --output',
                'simulate', 'tactical_mems', '--duration', '1s', '--output', 'mine')
     assert list((tmp_path / 'mine').iterdir()) == []
+    # The recording beside it is no datasheet, whatever its name.
+    assert 'the DATASHEET consumer_mems' in output_of(
+        'export', '--spec', 'consumer_mems', '--for', 'plain', '--rate', '100')
+
+
+def test_a_model_may_come_through_a_pipe(tmp_path, output_of):
+    os.mkfifo(tmp_path / 'pipe')
+    Thread(target=(tmp_path / 'pipe').write_bytes, args=(
+        (CONFIG / 'consumer_mems.yaml').read_bytes(),), daemon=True).start()
+    output_of('simulate', tmp_path / 'pipe', '--duration', '1s', '--output', tmp_path / 'out')
+    assert len(read(tmp_path / 'out')[0]) == 100
 
 
 @pytest.mark.parametrize(('model', 'options', 'line'), [
