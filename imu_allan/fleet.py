@@ -13,6 +13,7 @@ from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_k
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
+from imu_allan.noise.uncertainty import log_with_error
 from imu_allan.result import Result
 from imu_allan.wording import natural
 import numpy as np
@@ -204,18 +205,15 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
                 sample.errors[name] = error_of_mean(measured, result.rest_of(axis))
             continue
         found = measured.coefficients[key]
-        if found.value is None or found.ci95 is None:
-            if found.upper95 is not None and found.upper95 > 0 and key not in _SIGNED:
-                sample.bounds.append(log(found.upper95))
-            continue
-        low, high = found.ci95
         if key in _SIGNED:
-            sample.values[name], sample.errors[name] = found.value, (high - low) / (2 * NORMAL95)
-        elif found.value > 0:
-            sample.values[name] = log(found.value)
-            # Of an interval down to zero, only the upper half exists on this scale.
-            half = log(high / low) / 2 if low > 0 else log(high / found.value)
-            sample.errors[name] = half / NORMAL95
+            if found.value is not None and found.ci95 is not None:
+                low, high = found.ci95
+                sample.values[name] = found.value
+                sample.errors[name] = (high - low) / (2 * NORMAL95)
+        elif (known := log_with_error(found)) is not None:
+            sample.values[name], sample.errors[name] = known
+        elif found.upper95:
+            sample.bounds.append(log(found.upper95))
     if key == MEAN and sample.errors:
         # A unit whose drift is not visible still drifts like the others.
         typical = median(sample.errors.values())

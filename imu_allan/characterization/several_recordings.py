@@ -11,9 +11,8 @@ rejected; contradictions are reported. This is one module because every step com
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import exp, log, sqrt
+from math import exp, sqrt
 
-from imu_allan.arrays import Array
 from imu_allan.characterization.accuracy_of_mean import mean_is_known
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
@@ -24,11 +23,15 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.allan_deviation import joined_octaves, octaves
-from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
-from imu_allan.noise.uncertainty import leaked_share, widened, widened_interval
+from imu_allan.noise.uncertainty import (
+    leaked_share,
+    log_with_error,
+    widened,
+    widened_interval,
+)
 from imu_allan.result import AxisResult, RecordingPart, Result, Timeline, Total
 from imu_allan.wording import spoken
 import numpy as np
@@ -53,11 +56,9 @@ def joint_result(recordings: Sequence[Characterization],
     Characterize one IMU from several recordings.
 
     `recordings`: at least two, each of a whole recording. `remarks`: findings of the reader about
-    each. Returns: a result with `recordings` and `turn_on_bias`. Raises ImuAllanError: if there
-    are fewer than two, one has no usable samples, or they cannot be of one IMU in one setting.
+    each. Returns: a result with `recordings` and `turn_on_bias`. Raises ImuAllanError: if one
+    has no usable samples, or they cannot be of one IMU in one setting.
     """
-    if len(recordings) < 2:
-        raise ImuAllanError('a joint result needs at least two recordings')
     parts, start_s = [], 0.0
     for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
         result, record = recording.fitted(own)
@@ -187,9 +188,13 @@ def _compared(axis: AxisResult, name: str, parts: Sequence[_Part], limit: float
     coefficients, remarks = dict(axis.coefficients), []
     for key in LASTING_TERMS:
         found, value = coefficients[key], coefficients[key].value
-        paths, values, errors = _shown(name, key, parts)
-        if (free := len(values) - 1) < 1:
+        known = [(part.path, shown) for part in parts if (shown := log_with_error(
+            part.result.axes[name].coefficients[key])) is not None]
+        if (free := len(known) - 1) < 1:
             continue
+        paths = [path for path, _ in known]
+        # Logarithms of the values, and the errors of these
+        values, errors = np.array([shown for _, shown in known]).T
         q = q_statistic(values, errors)
         chance = chi_square.survival(q, free)
         if value is not None and found.ci95 is not None:
@@ -209,17 +214,3 @@ def _compared(axis: AxisResult, name: str, parts: Sequence[_Part], limit: float
                 others=[path for path in paths if path != paths[odd]],
                 unit=TERMS[key].unit(AXES[name])))
     return replace(axis, coefficients=coefficients), remarks
-
-
-def _shown(name: str, key: str, parts: Sequence[_Part]) -> tuple[list[str], Array, Array]:
-    """Return paths of recordings that show a coefficient, its logarithm and the error of that."""
-    paths, values, errors = [], [], []
-    for part in parts:
-        found = part.result.axes[name].coefficients[key]
-        if found.value is not None and found.ci95 is not None and found.value > 0:
-            low, high = found.ci95
-            half = log(high / low) / 2 if low > 0 else log(high / found.value)
-            paths.append(part.path)
-            values.append(log(found.value))
-            errors.append(half / NORMAL95)
-    return paths, np.array(values), np.array(errors)

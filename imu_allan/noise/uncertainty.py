@@ -9,9 +9,11 @@ more than their intervals allow.
 """
 
 from dataclasses import replace
+from math import log
 
 from imu_allan.arrays import Array
 from imu_allan.block import NEIGHBOURS
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.terms import SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve
@@ -88,6 +90,16 @@ def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> 
     if not known.any():
         return None
     return float(np.min(highest[known] / TERMS[key].adev(1.0, tau[known])))
+
+
+def log_with_error(found: Coefficient) -> tuple[float, float] | None:
+    """Return the logarithm of a coefficient, and its standard error; None if it has no value."""
+    if found.value is None or found.ci95 is None or found.value <= 0:
+        return None
+    low, high = found.ci95
+    # Of an interval down to zero, only the upper half exists on this scale.
+    half = log(high / low) / 2 if low > 0 else log(high / found.value)
+    return log(found.value), half / NORMAL95
 
 
 def widened_interval(found: Coefficient, factor: float) -> Coefficient:
