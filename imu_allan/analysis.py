@@ -160,6 +160,8 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
     from imu_allan.characterization.join_results import united
     from imu_allan.characterization.several_recordings import joint_result
 
+    if len(paths) < 2:
+        raise ImuAllanError('a joint result needs at least two recordings')
     for other, path in combinations(paths, 2):
         if Path(path).resolve() == Path(other).resolve():
             raise same_messages_error(other, path)
@@ -178,8 +180,6 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
                                 f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
         recordings.append(taken)
         before += recording.size_bytes
-    if not recordings:
-        raise ImuAllanError('a joint result needs at least two recordings')
     results = [joint_result([one.characterization for one in half],
                             [one.remarks() for one in half])
                for half in zip(*recordings, strict=True)]

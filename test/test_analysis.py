@@ -63,6 +63,12 @@ def test_the_same_recording_given_twice_is_refused(written, first, other):
             analyze([one, two])
 
 
+@pytest.mark.parametrize('paths', [[], ['alone.csv']])
+def test_a_joint_result_of_fewer_than_two_is_refused_before_anything_is_read(paths):
+    with refused('a joint result needs at least two recordings'):
+        analyze(paths)
+
+
 def kept(stamps, samples):
     found = {}
     list(sampled([ImuBlock(stamps, stamps, samples, np.zeros((len(stamps), 2), bool), 'imu')],

@@ -158,7 +158,5 @@ def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
 
 
 def test_recordings_that_are_no_series_are_refused(nights):
-    with refused('a joint result needs at least two recordings'):
-        joint_result(nights[:1])
     with refused('empty: holds no usable sample; leave it out'):
         joint_result([nights[0], streamed([], 'empty')])
