@@ -129,19 +129,16 @@ class Thermometer(Record):
         times = (keys - keys[0] + 0.5) * self.width
         at = np.asarray(stamps - origin, dtype=np.float64)
         values = np.interp(at, times, readings[0] / readings[1] / _SCALE)
-        reach = self._reach()
+        usual = float(np.median(np.diff(keys))) if len(keys) > 1 else 0.0
+        # The longest gap, in ns, that is interpolated: ten usual intervals, or five minutes, as a
+        # sensor takes several minutes to settle.
+        reach = max(10 * usual * self.width, 300e9)
         after = np.clip(np.searchsorted(times, at), 0, len(times) - 1)
         before = np.maximum(after - 1, 0)
         gap = (times[after] - times[before] > reach) & (at > times[0]) & (at < times[-1])
         outside = (at < times[0] - reach) | (at > times[-1] + reach)
         values[gap | outside] = np.nan
         return np.asarray(values)
-
-    def _reach(self) -> float:
-        """Return the longest gap, in ns, that is interpolated linearly."""
-        usual = float(np.median(np.diff(self.keys))) if len(self.keys) > 1 else 0.0
-        # Ten usual intervals, or five minutes, as a sensor takes several minutes to settle.
-        return max(10 * usual * self.width, 300e9)
 
     def temperature(self, series: Cells, size: int, dt: float) -> Temperature | None:
         """

@@ -31,11 +31,6 @@ class Shown(argparse.Action):
         parser.exit()
 
 
-def positive(text: str) -> float:
-    """Read a finite number above zero."""
-    return _above_zero(_number(text), text)
-
-
 def rate(text: str) -> float:
     """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
     value = _with_unit(text.casefold(), {'': 1.0, 'hz': 1.0, 'khz': 1e3},
@@ -145,7 +140,7 @@ def factors(text: str) -> dict[str, float]:
         if name not in ('N', 'K') or not equals or name in found:
             raise argparse.ArgumentTypeError(
                 f'{text!r} is not of the form N=2,K=5: a factor for N, for K, or for both')
-        found[name] = positive(value)
+        found[name] = _above_zero(_number(value), value)
     return found
 
 
