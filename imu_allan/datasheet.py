@@ -107,6 +107,13 @@ def unreliable(result: Result, axis: str) -> str | None:
     return None
 
 
+def hidden(result: Result, axis: str, key: str, limit: float) -> str | None:
+    """Return why no record shows whether a noise term keeps its limit (SI), or None."""
+    if key not in TERMS or axis not in result.axes:
+        return None
+    return unreliable(result, axis) or hidden_by_steps(result.axes[axis], key, limit)
+
+
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return a coefficient, for a ramp its magnitude."""
     found, fit = axis.coefficients[key], axis.goodness_of_fit
@@ -143,8 +150,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return Measured(undecided='a filter has taken out the slow part of this axis; record the '
                                   'raw topic')
     if key in TERMS:
-        why = unreliable(result, axis) or hidden_by_steps(
-            found, key, abs(specification.axes[axis][key]))
+        why = hidden(result, axis, key, abs(specification.axes[axis][key]))
         return coefficient(found, key) if why is None else Measured(undecided=why)
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
@@ -178,7 +184,7 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     # Within two steps of zero, the mean of a truncated axis is inside the cell of double width.
     near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)
     # Up to two steps per noise of a sample, rounding attenuates a slow trend by at most 6 %.
-    if key not in TERMS or not ratio or (ratio <= 2.0 and not near_zero):
+    if not ratio or (ratio <= 2.0 and not near_zero):
         return None
     step = axis.coarse_step or 0.0
     if key == 'noise_density':
@@ -348,15 +354,12 @@ def check_state(result: Result, records: Sequence[FinishedRecord | None],
            if name in result.axes and result.axes[name].high_passed_hz is None}
     settled = []
     for verdict in verdicts:
-        axis = result.axes.get(verdict.axis)
-        # However long the record is, the output resolution may hide the quantity.
-        hidden = axis is not None and (
-            unreliable(result, verdict.axis) or hidden_by_steps(axis, verdict.key, verdict.limit)
-        ) is not None
+        # A longer record would not show it either.
+        lasting = hidden(result, verdict.axis, verdict.key, verdict.limit) is not None
         settled.append(
             _settled(verdict, raw.get(verdict.axis), max(limited, 1), recorded)
-            if verdict.key in tested and not hidden
-            else (verdict, hidden or verdict.verdict != 'cannot tell'))
+            if verdict.key in tested and not lasting
+            else (verdict, lasting or verdict.verdict != 'cannot tell'))
     found = [verdict for verdict, _ in settled]
     if recorded < shortest_s:
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from characterized import messages, state_of, streamed
 from exact_results import UNSEEN, with_axes, with_coefficient, without
 from imu_allan import characterize, result as schema
-from imu_allan.datasheet import check, overall
+from imu_allan.datasheet import check, check_state, overall
 from imu_allan.finding import finding
 from imu_allan.noise.simulate import simulate
 from imu_allan.sensor.noise_model import parse_model
@@ -205,3 +205,12 @@ def test_a_random_walk_that_may_level_off_fails_no_unit_on_the_bench():
     for name, axis in stream.result().axes.items():
         assert axis.coefficients['rate_random_walk'].upper95 is not None, name
     assert [one.verdict for one in found] == ['cannot tell'] * 2
+
+
+def test_an_undecided_mean_stays_open_beside_a_finding_about_the_noise_alone():
+    result, record = stream_of(WHITE).fitted()
+    mean = abs(result.axes['gyro_x'].mean)
+    model = parse_model(f'gyro: {{x: {{zero_bias: {mean} rad/s}}}}')
+    for warnings in (), (finding('interpolated', topic='/imu', half='gyro'),):
+        state = check_state(replace(result, warnings=warnings), [record], model)
+        assert (state.decided, state.verdicts[0].verdict) == (False, 'cannot tell')
