@@ -279,8 +279,6 @@ def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
 def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
            law: PowerLaw | None = None) -> Curve:
     """Return the Allan deviation of one axis, with intervals by the fitted terms."""
-    if not len(points.size):
-        return Curve((), (), (), (), (), ())
     tau: Array = (points.size * dt).astype(np.float64)
     avar = points.avar[:, axis]
     dof = np.array([edf(values, int(m), int(s), int(c), dt, law)
