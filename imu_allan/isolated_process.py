@@ -19,7 +19,7 @@ import signal
 import subprocess
 import sys
 import traceback
-from typing import Any
+from typing import Any, IO
 
 _PROGRAM = """
 import ctypes, os, pickle, signal, sys
@@ -48,21 +48,61 @@ def import_path() -> list[str]:
     return folders if home in folders else [*folders, home]
 
 
-def start_python(module: str, function: str, **options: Any) -> subprocess.Popen[bytes]:
+def start_python(module: str, function: str, *given: Any, **options: Any
+                 ) -> subprocess.Popen[bytes]:
     """
     Start an interpreter that calls a function of this package.
 
-    The options are those of `subprocess.Popen`, except standard input: it is an unbuffered pipe.
+    The function finds what is `given`, pickled, on standard input. The options are those of
+    `subprocess.Popen`, except standard input and output: these are unbuffered pipes.
     """
+    # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
     process = subprocess.Popen(
         [sys.executable, '-I', '-c', _PROGRAM.format(
             module=module, function=function, parent=os.getpid())],
-        bufsize=0, stdin=subprocess.PIPE, **options)
-    assert process.stdin is not None
+        bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
+        **options)
     # It may have ended already; whoever reads from it will notice.
-    with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
-        pickle.dump(import_path(), stdin)
+    with suppress(BrokenPipeError), open(
+            pipes_of(process)[0].fileno(), 'wb', closefd=False) as stdin:
+        for item in (import_path(), *given):
+            pickle.dump(item, stdin)
     return process
+
+
+def pipes_of(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
+    """Return standard input and output of a process from `start_python`."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    return process.stdin, process.stdout
+
+
+def wait_for(process: subprocess.Popen[bytes], longest_s: float) -> None:
+    """Wait until a process has ended, and end it if that takes too long."""
+    try:
+        process.wait(longest_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def to_parent() -> IO[bytes]:
+    """
+    Return the pipe to the process that started this one by `start_python`.
+
+    Anything that a library prints goes to standard error, and SIGTERM raises SystemExit, so that
+    unpacked files are removed.
+    """
+    def end(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_IGN)
+        # After this time the kernel ends the process.
+        signal.alarm(20)
+        raise SystemExit
+
+    signal.signal(signal.SIGTERM, end)
+    answers = os.fdopen(os.dup(1), 'wb')
+    os.dup2(2, 1)
+    return answers
 
 
 def portable(error: Exception) -> tuple[Exception, str]:
@@ -81,14 +121,3 @@ def _real(folder: str) -> str | None:
     except OSError:
         # A relative folder, after the current one was removed.
         return None
-
-
-def exit_on_sigterm() -> None:
-    """Let SIGTERM end this process by SystemExit, so that unpacked files are removed."""
-    def end(number: int, _: object) -> None:
-        signal.signal(number, signal.SIG_IGN)
-        # After this time the kernel ends the process.
-        signal.alarm(20)
-        raise SystemExit
-
-    signal.signal(signal.SIGTERM, end)

@@ -14,7 +14,7 @@ STARTS = """
 import time
 from imu_allan.isolated_process import start_python
 # What it calls reads no pipe and looks after nothing.
-child = start_python('signal', 'pause', start_new_session=True)
+child = start_python('signal', 'pause')
 print('ready', flush=True)
 time.sleep(100)
 """

@@ -21,10 +21,10 @@ import signal
 import subprocess
 import sys
 import threading
-from typing import Any, IO, TYPE_CHECKING, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
+from imu_allan.isolated_process import pipes_of, portable, start_python, to_parent, wait_for
 from imu_allan.process import start_quickly
 
 if TYPE_CHECKING:
@@ -196,14 +196,10 @@ class WorkerProcesses(ThreadPoolExecutor):
                 process.terminate()
         self.shutdown()
         for process in self._started:
-            tasks, answers = _pipes(process)
+            tasks, answers = pipes_of(process)
             tasks.close()
-            try:
-                # It may have to remove unpacked files, and waits 10 s for its own reader.
-                process.wait(15.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            # It may have to remove unpacked files, and waits 10 s for its own reader.
+            wait_for(process, 15.0)
             answers.close()
 
     def _ask(self, work: 'partial[T]') -> T:
@@ -211,7 +207,7 @@ class WorkerProcesses(ThreadPoolExecutor):
         process = getattr(self._of_thread, 'process', None)
         if process is None:
             process = self._of_thread.process = self._start()
-        tasks, answers = _pipes(process)
+        tasks, answers = pipes_of(process)
         try:
             with open(tasks.fileno(), 'wb', closefd=False) as stdin:
                 pickle.dump(work, stdin)
@@ -235,9 +231,7 @@ class WorkerProcesses(ThreadPoolExecutor):
 
     def _start(self) -> subprocess.Popen[bytes]:
         try:
-            # Its own session keeps Ctrl-C away; it ends when its standard input is closed.
-            process = start_python(__name__, 'serve', stdout=subprocess.PIPE,
-                                   start_new_session=True)
+            process = start_python(__name__, 'serve')
         except OSError as error:
             raise ImuAllanError(f'--jobs: no further process can be started ({error.strerror}); '
                                 'try fewer jobs') from error
@@ -249,11 +243,8 @@ class WorkerProcesses(ThreadPoolExecutor):
 
 def serve() -> None:
     """Run a worker process, which executes what comes on standard input until that is closed."""
-    exit_on_sigterm()
+    answers = to_parent()
     start_quickly()
-    answers = os.fdopen(os.dup(1), 'wb')
-    # Anything that a library prints must not get among the answers.
-    os.dup2(2, 1)
     with suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
         while True:
             work = pickle.load(sys.stdin.buffer)
@@ -266,9 +257,3 @@ def serve() -> None:
             answers.flush()
     # Linux sends SIGTERM as soon as the thread ends that started this process, which is exiting.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-
-
-def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    return process.stdin, process.stdout

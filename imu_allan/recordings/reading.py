@@ -31,7 +31,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock, joined
 from imu_allan.errors import error_about, ImuAllanError, printable
-from imu_allan.isolated_process import exit_on_sigterm, portable, start_python
+from imu_allan.isolated_process import pipes_of, portable, start_python, to_parent, wait_for
 from imu_allan.recordings.choose_streams import choose_topic
 from imu_allan.recordings.recording import Recording, unreadable_error
 from imu_allan.wording import NO_TOPIC
@@ -209,31 +209,25 @@ def read_in_process(recording: Recording, topic: str) -> Iterator[Read]:
         # Allocate now: if there is no room, the caller can still fall back to a thread.
         os.posix_fallocate(memory, 0, _SLOTS * _SLOT.itemsize)
         slots = _slots(memory)
-        # A separate session keeps Ctrl-C from the process; it ends with the pipe instead.
-        process = start_python(
-            __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            pass_fds=[memory], start_new_session=True)
+        process = start_python(__name__, 'serve', (memory, recording, topic),
+                               stderr=subprocess.DEVNULL, pass_fds=[memory])
     finally:
         os.close(memory)
-    assert process.stdin is not None
-    with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
-        pickle.dump((memory, recording, topic), stdin)
     return _received(recording, process, slots)
 
 
 def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDArray[np.void]
               ) -> Iterator[Read]:
-    assert process.stdin is not None
-    assert process.stdout is not None
+    free, reports = pipes_of(process)
     try:
-        with open(process.stdout.fileno(), 'rb', closefd=False) as reported:
+        with open(reports.fileno(), 'rb', closefd=False) as reported:
             while (item := pickle.load(reported)) is not None:
                 slot, messages, frame_id, position = item
                 block = ImuBlock(frame_id=frame_id, **{
                     name: values.copy('K')
                     for name, values in _arrays(slots[slot], 0, messages).items()})
                 with suppress(BrokenPipeError):
-                    process.stdin.write(bytes([slot]))
+                    free.write(bytes([slot]))
                 yield block, position
             failure, remarks = pickle.load(reported)
     except (EOFError, pickle.UnpicklingError):
@@ -244,14 +238,10 @@ def _received(recording: Recording, process: subprocess.Popen[bytes], slots: NDA
     finally:
         # Keep the pipes open during cleanup: closing them would interrupt it a second time.
         process.terminate()
-        try:
-            # Removing unpacked files can take seconds on a slow disk.
-            process.wait(10.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdin.close()
-        process.stdout.close()
+        # Removing unpacked files can take seconds on a slow disk.
+        wait_for(process, 10.0)
+        free.close()
+        reports.close()
     recording.remarks[:] = remarks
     if failure is not None:
         error, where = failure
@@ -268,19 +258,15 @@ def _worth_a_process(recording: Recording) -> bool:
 
 def serve() -> None:
     """Run the reading process."""
-    # Let termination from outside still remove temporary files.
-    exit_on_sigterm()
+    reports = to_parent()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
     slots = _slots(memory)
-    reports = os.fdopen(os.dup(1), 'wb')
 
     def report(item: object) -> None:
         pickle.dump(item, reports)
         reports.flush()
 
-    # Redirect standard output so that prints of libraries do not mix with the reports.
-    os.dup2(2, 1)
     failure = None
     with suppress(BrokenPipeError):
         try:
