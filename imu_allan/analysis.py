@@ -147,12 +147,17 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
     for one in taken:
         result = one.characterization.result(one.remarks())
         if not result.axes:
-            advice = (' in the chosen part; --start and --duration choose another'
-                      if choice.start_s or choice.duration_s else
-                      '; see what it holds with imu_allan info')
-            raise ImuAllanError(f'{one.characterization.place}: no usable sample{advice}')
+            raise no_sample_error(one, choice)
         results.append(result)
     return united(results)
+
+
+def no_sample_error(taken: Taken, choice: Choice) -> ImuAllanError:
+    """Return the error about a stream of which nothing can be used."""
+    advice = (' in the chosen part; --start and --duration choose another'
+              if choice.start_s or choice.duration_s else
+              '; see what it holds with imu_allan info')
+    return ImuAllanError(f'{taken.characterization.place}: no usable sample{advice}')
 
 
 def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:

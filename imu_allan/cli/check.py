@@ -121,7 +121,7 @@ def _result_of(source: str, args: argparse.Namespace, choice: 'Choice') -> 'Resu
 def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read a recording until the verdict is certain, and print after how long it was."""
-    from imu_allan.analysis import growing
+    from imu_allan.analysis import growing, no_sample_error
     from imu_allan.characterization.join_results import fitted
     from imu_allan.datasheet import check_state, next_look
     from imu_allan.wording import duration as said
@@ -134,6 +134,10 @@ def _live(source: str, args: argparse.Namespace, choice: 'Choice', specification
             found = check_state(result, records, specification, shortest_s=args.min_duration)
             if found.decided:
                 break
+    for one, record in zip(taken, records, strict=True):
+        # Axes that a recording without samples lacks are not missing from the sensor.
+        if record is None:
+            raise no_sample_error(one, choice)
     # A verdict that may be given at any time needs more evidence than one of the whole recording.
     print(f'certain after {said(found.recorded_s)}' if found.decided else
           f'not certain after {said(found.recorded_s)}; check without --live compares all of it')

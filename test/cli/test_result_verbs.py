@@ -129,6 +129,15 @@ def test_check_takes_one_recording(recording, imu_recording, tmp_path, against):
         1, '', f'imu_allan: {units}: holds 2 recordings; check each by itself\n')
 
 
+@pytest.mark.parametrize('options', [(), ('--live',)])
+def test_a_recording_without_usable_samples_is_an_error_not_a_unit_that_fails(
+        tmp_path, against, options):
+    path = tmp_path / 'one.csv'
+    path.write_text('time,gx,gy,gz\n0.01,0.1,0.2,0.3\n')
+    assert against(path, 'gyro: {noise_density: 0.5 deg/sqrt(h)}', *options) == (
+        1, '', f'imu_allan: {path}: no usable sample; see what it holds with imu_allan info\n')
+
+
 @pytest.mark.parametrize(('limit', 'options', 'status', 'reason'), [
     (1, [], 4, 'not observable in this recording; record for longer'),
     (1, ['--allow-undecided'], 0, 'not observable in this recording; record for longer'),
