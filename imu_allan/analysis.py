@@ -140,8 +140,7 @@ def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recordi
     """Return the result of one recording."""
     from imu_allan.characterization.join_results import united
 
-    with choice.opened(path) if recording is None else nullcontext(
-            recording.for_another_topic()) as opened:
+    with choice.opened(path) if recording is None else nullcontext(recording) as opened:
         taken = _taken(opened, choice, progress)
     results = []
     for one in taken:
