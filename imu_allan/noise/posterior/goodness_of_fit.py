@@ -18,6 +18,7 @@ from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, N, Rows, Spectra
 from imu_allan.noise.posterior.regression import residual_power
 from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
+from imu_allan.noise.record.groups import half_octaves
 import numpy as np
 
 _FEWEST = 0.5
@@ -110,7 +111,7 @@ def _residuals(spectra: Spectra, row: Rows) -> _Residuals:
     residual = residual_power(spectra.power[row.spectrum], spectra.products[row.spectrum], size,
                               covariance)[0]
     dof = weight * expected
-    _, octave = np.unique(likelihood.half_octaves(spectra.frequency), return_inverse=True)
+    _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
     count: Array = np.bincount(octave, dof).astype(np.float64)
     used = count > _FEWEST
     count = np.maximum(count, 1e-9)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.posterior import shapes, thresholds_and_priors as priors
 from imu_allan.noise.posterior.regression import regress, regressors, residual_power
-from imu_allan.noise.record.groups import Groups
+from imu_allan.noise.record.groups import Groups, half_octaves
 import numpy as np
 from scipy.special import digamma
 
@@ -120,11 +120,6 @@ class Spectra:
         """Return the same spectra with other degrees of freedom."""
         spectra = replace(self, dof=dof)
         return replace(spectra, unexplained=unexplained_losses(self.frequency, dof, self.power))
-
-
-def half_octaves(frequency: Array) -> Ints:
-    """Return the half-octave of each band: 0 at the highest frequency, negative below."""
-    return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1])), np.int64)
 
 
 def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:

@@ -32,6 +32,7 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.prepared_spectra import Start
 from imu_allan.noise.posterior.shapes import EXPONENTIAL_AVERAGE, FEWEST_GROUPS, LOW_PASSES
+from imu_allan.noise.record.groups import half_octaves
 import numpy as np
 
 KEPT = 7.0
@@ -181,7 +182,7 @@ def _filtered(spectra: Spectra, axis: int, start: Start, dt: float, slots: Seque
 
 def _edges(nu: Array) -> Iterator[int]:
     """Yield possible edges: the first group of half-octaves from the top."""
-    halves = likelihood.half_octaves(nu)
+    halves = half_octaves(nu)
     # Farther from the top, every other half-octave is enough.
     for half in (1, 2, 3, 4, *range(5, 21, 2)):
         edge = int(np.searchsorted(halves, -half))

@@ -57,14 +57,19 @@ class Groups:
 
     def half_octaves(self) -> tuple[Ints, Array]:
         """Return the half-octave of each group, and the degrees of freedom of each half-octave."""
-        _, octave = np.unique(np.ceil(
-            2 * np.log2(self.frequency / self.frequency[-1:])), return_inverse=True)
+        _, octave = np.unique(half_octaves(self.frequency), return_inverse=True)
         return octave.astype(np.int64), np.bincount(octave, self.dof).astype(np.float64)
 
     def capped(self, spread: Array | float) -> 'Groups':
         """Limit the degrees of freedom of each half-octave to what a relative spread allows."""
         octave, dof = self.half_octaves()
         return replace(self, dof=self.dof / (1 + dof[octave] * spread**2 / 2))
+
+
+def half_octaves(frequency: Array) -> Ints:
+    """Return the half-octave of each group: 0 for the highest, negative below."""
+    # Four eighths of an octave each, below the highest: the ends lie halfway between two eighths.
+    return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1:]) + 1 / 8), np.int64)
 
 
 def grouped(bins: Bins, axis: int, keep: Bools | None = None,
