@@ -180,7 +180,7 @@ def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> R
             if share_messages(messages[-1], known):
                 raise same_messages_error(other, path)
         if recordings and len(taken) != len(recordings[0]):
-            raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
+            raise ImuAllanError(f'{path}: the number of topics of one IMU is {len(taken)}, but '
                                 f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
         recordings.append(taken)
         before += recording.size_bytes

@@ -4,7 +4,8 @@
 Values that no such sensor has at rest, and what they are likely to be instead.
 
 The limits lie above the worst datasheets of sensors on the market, which docs/faq.md lists. Values
-beyond them are in another unit, raw counts, or due to motion.
+beyond them are in another unit, raw counts, or due to motion. One gyroscope, of 20,000 deg/s, has
+more noise: a limit above that would let many pass whose unit is deg/s.
 """
 
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ class Limits(NamedTuple):
 
 
 PLAUSIBLE = {
-    'angular_velocity': Limits(5e-3, 1.5, 0.5, degrees(1), 'deg/s'),
+    'angular_velocity': Limits(2e-3, 1.5, 0.5, degrees(1), 'deg/s'),
     # The mean includes gravity, 9.81 m/s^2.
     'linear_acceleration': Limits(0.2, 20.0, 5.0, 1e3 / STANDARD_GRAVITY, 'mg'),
 }

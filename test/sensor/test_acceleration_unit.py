@@ -117,11 +117,13 @@ def test_messages_that_wait_are_in_the_result():
     (0.005, 0.02, 0.05, {}),
     # A poor one of 17 deg/h beside the turn of the Earth, and a quiet one.
     (1e-6, 7.3e-5, 1e-3, {}),
-    (0.03, 2.0, 0.02, {'gyro': ('mean', 'deg/s')}),
+    (0.015, 2.0, 0.02, {'gyro': ('mean', 'deg/s')}),
+    # The 0.0028 deg/s/sqrt(Hz) of a good gyroscope of phones
+    (0.028, 0.1, 0.02, {'gyro': ('noise_density', 'deg/s')}),
     (13.0, 40.0, 0.02, {'gyro': ('noise_density', 'counts')}),
     (0.001, 0.0, 3.0, {'accel': ('noise_density', 'mg')}),
-    # A gyroscope of 20,000 deg/s, and the zero rate of another, beside an accelerometer of 100 g.
-    (0.0436, 1.31, 1.47, {}),
+    # A gyroscope of 0.1 deg/s/sqrt(Hz), and the zero rate of another, and an accelerometer of 100 g
+    (0.0175, 1.31, 1.47, {}),
 ])
 def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
     samples = np.random.default_rng(0).normal(size=(10_000, 6)) * np.repeat([gyro, accel], 3)
