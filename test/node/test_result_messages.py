@@ -360,7 +360,7 @@ def test_a_verdict_is_reported_once_certain_and_a_limit_that_breaks_later(tmp_pa
         'every limit of the specification is kept, certain after <words>')
     # It stays certain, whatever the next look would say, until the limit is broken.
     assert judged(standards, run, looks) == [finding]
-    noisy = run_of('gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}')
+    noisy = run_of('gyro: {noise_density: 1.8e-3 rad/s/sqrt(Hz)}')
     result, records = fitted(Run([Lane(noisy)]).snapshot())
     # A look takes the fits that the result was made of.
     monkeypatch.setattr(axis_groups, 'fit_axes', lambda *_: pytest.fail('fitted again'))
