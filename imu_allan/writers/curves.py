@@ -187,8 +187,10 @@ def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
 
 def labelled(coefficient: Coefficient) -> str:
     """Return the magnitude of an observable coefficient with symbol and unit: ``N = 2.4 °/√h``."""
-    magnitude, unit = reported(coefficient)[0].lstrip('-'), engineering(1.0, coefficient.unit)[1]
-    return f'{coefficient.symbol} = {magnitude} {typeset(unit)}'
+    value, unit = engineering(abs(coefficient.value or 0.0), coefficient.unit)
+    # The true value of a simulated sensor has no interval.
+    shown = reported(coefficient)[0].lstrip('-') if coefficient.ci95 else number(value)
+    return f'{coefficient.symbol} = {shown} {typeset(unit)}'
 
 
 def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:

@@ -122,7 +122,7 @@ def test_messages_that_wait_are_in_the_result():
     (0.028, 0.1, 0.02, {'gyro': ('noise_density', 'deg/s')}),
     (13.0, 40.0, 0.02, {'gyro': ('noise_density', 'counts')}),
     (0.001, 0.0, 3.0, {'accel': ('noise_density', 'mg')}),
-    # A gyroscope of 0.1 deg/s/sqrt(Hz), and the zero rate of another, and an accelerometer of 100 g
+    # A gyroscope of 0.1 deg/s/sqrt(Hz), the zero rate of another, an accelerometer of 100 g
     (0.0175, 1.31, 1.47, {}),
 ])
 def test_what_no_sensor_has_at_rest_is_reported_with_the_likeliest_unit(gyro, bias, accel, said):
