@@ -202,14 +202,14 @@ def _sources(finished: Estimator, sections: list[SpectrumSection], axes: Sequenc
     for axis in axes:
         with_lines = grouped(bins, axis)
         lines, keep = find_lines(sections, bins, axis, dt, with_lines)
-        record = RecordSpectrum(sections, bins, axis, dt, keep, aligned=True)
+        record = RecordSpectrum(sections, bins, axis, dt, keep, bands=with_lines)
         compared = segments if short is None or coarse[axis] else short
         steadiness = None if compared is None else stationarity.steadiness(
             compared, axis, dt, lines_hz(lines), white_alone=compared is short)
         # Parts of a short record can only show that the noise changes, not that it is steady.
         if steadiness and steadiness.steady and compared is short:
             compared, steadiness = None, None
-        without_lines = with_lines if keep.all() else replace(record, aligned=False).groups()
+        without_lines = with_lines if keep.all() else replace(record, bands=None).groups()
         sources.append(_Source(axis, with_lines, without_lines, record, lines, steadiness,
                                compared, axis, quarters))
     return sources

@@ -20,6 +20,8 @@ from characterized import (
 )
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -279,3 +281,17 @@ def test_the_first_slow_noise_that_shows_is_flicker_and_no_random_walk(crossings
         {N: 1e-4, B: flicker}, count, RATE, range(3000, 3024))]
     assert sum(own[K].observable for own in found) <= 2
     assert sum(own[B].observable for own in found) >= 12
+
+
+def test_an_axis_has_the_same_numbers_alone_and_beside_one_with_a_line():
+    rng = np.random.default_rng(5)
+    filtered = lfilter(*butter(2, 0.15), rng.normal(0, 1, 5000))
+    line = rng.normal(0, 1, 5000) + 0.3 * np.sin(0.7 * np.arange(5000))
+    alone, beside = Estimator(), Estimator(axes=2)
+    alone.update(filtered)
+    beside.update(np.column_stack((line, filtered)))
+    [one] = fit_axes(alone.finished(), 0.01)
+    first, other = fit_axes(beside.finished(), 0.01)
+    assert first.lines
+    for key, found in one.fit.estimates.items():
+        assert vars(other.fit.estimates[key]) == pytest.approx(vars(found), rel=1e-6), key

@@ -38,8 +38,9 @@ class RecordSpectrum:
     trends: tuple[Waveform, ...] = ()
     # Whether the first and the last cell are regressors of every fit, before the trends
     ends: bool = False
-    # Whether to keep bands without bins, at zero weight, so that all axes have the same bands
-    aligned: bool = False
+    # Groups of all bins: their bands are kept, those without bins at zero weight, so that all axes
+    # have the same ones
+    bands: Groups | None = None
 
     @property
     def duration_s(self) -> float:
@@ -64,12 +65,15 @@ class RecordSpectrum:
     @cached_property
     def _without_trends(self) -> Groups:
         """Return the groups without further trends; cached, as they are needed repeatedly."""
-        return grouped(*self._kept, *self._columns)
+        found, bands = grouped(*self._kept, *self._columns), self.bands
+        # Axes are fitted together at common frequencies, whatever was left out of one of them.
+        return found if bands is None else replace(
+            found, frequency=bands.frequency, step=bands.step, length=bands.length)
 
     @cached_property
     def _kept(self) -> tuple[Bins, int, Bools | None]:
         """Return the bins, the axis, and a mask of the bins to use."""
-        if not self.aligned or self.keep is None:
+        if self.bands is None or self.keep is None:
             return self.bins, self.axis, self.keep
         # Excluded bins get a negligible weight instead, so that their bands remain.
         dof = self.bins.dof * np.maximum(self.keep, 1e-15)
