@@ -35,8 +35,8 @@ class Effects:
     # Mean and standard deviation of the population, by restricted maximum likelihood
     mean: float
     between: float
-    # By the generalised Q statistic, exact for any number of units. If that allows no spread, the
-    # upper end is that of the likelihood interval.
+    # By the generalised Q statistic, exact for any number of units, and extended to `between`. If
+    # that allows no spread, the upper end is that of the likelihood interval.
     between_ci95: tuple[float, float]
 
     def percentile(self, share: float) -> float:
@@ -103,6 +103,8 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
         # no spread at all. That is chance; the likelihood still gives an upper limit.
         limit = loss(spread) + NORMAL95**2 / 2
         high = _crossing(lambda s: loss(s) - limit, spread, float(np.max(e)), 2)
+    # Bounds are not part of Q, and errors that differ by orders of magnitude weigh otherwise.
+    low, high = min(low, spread), max(high, spread)
     return Effects(e, _best_mean(y, e, u, spread)[0], spread, (low, high))
 
 

@@ -109,6 +109,17 @@ def test_scaling_and_shifting_the_units_scales_and_shifts_the_population():
     assert other.tolerance() == pytest.approx(7 * one.tolerance() + 3, rel=1e-3)
 
 
+@pytest.mark.parametrize('bounds', [0, 2])
+def test_the_interval_of_a_spread_contains_it_however_unequal_the_errors_are(bounds):
+    rng = np.random.default_rng(2)
+    for _ in range(100):
+        errors = np.exp(rng.normal(0, 2, 8))
+        effects = random_effects(rng.normal(size=8) * np.hypot(1, errors), errors,
+                                 rng.normal(-3, 1, bounds))
+        low, high = effects.between_ci95
+        assert low <= effects.between <= high
+
+
 @pytest.mark.parametrize('shift', [6.0, -6.0])
 def test_two_bad_units_do_not_hide_each_other(shift):
     rng = np.random.default_rng(4)
