@@ -93,7 +93,7 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
             dof = section.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
             if trends:
-                length_s = RecordSpectrum(sections, bins, 0, dt).duration_s
+                length_s = RecordSpectrum(sections, bins, 0, dt, bins.whole).duration_s
                 power[:, lines] += leaks([section], bins, dt, length_s, mean)
             drawn.append(replace(section, power=power))
             continue
@@ -104,7 +104,8 @@ def draw(sections: Sequence[SpectrumSection], theta: Sequence[float], dt: float,
             signed[:, lines] += dct(trend(time), norm='ortho')[lines]
         drawn.append(replace(section, power=signed**2, coefficients=signed))
     bins = bins_of(drawn, dt)
-    return [RecordSpectrum(drawn, bins, axis, dt) for axis in range(records)]
+    every = np.ones(len(bins.index), dtype=bool)
+    return [RecordSpectrum(drawn, bins, axis, dt, every) for axis in range(records)]
 
 
 def _folded(low_pass: tuple[Sequence[float], Sequence[float]], nu: Array, step: int) -> Array:

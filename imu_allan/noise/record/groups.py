@@ -72,16 +72,16 @@ def half_octaves(frequency: Array) -> Ints:
     return np.asarray(np.floor(2 * np.log2(frequency / frequency[-1:]) + 1 / 8), np.int64)
 
 
-def grouped(bins: Bins, axis: int, keep: Bools | None = None,
+def grouped(bins: Bins, axis: int, keep: Bools | Array | None = None,
             regressors: Array | None = None, *, known: Groups | None = None) -> Groups:
     """
     Average the bins of one axis over bands of an eighth of an octave.
 
-    `bins`: the spectrum of all axes. `keep`, shape (bins,): False excludes a bin. `regressors`,
-    shape (bins, n): coefficients of trends of the mean, zero outside the whole-record part. The
-    ramp is always the first regressor and not part of them. `known`: groups of the same bins with
-    other regressors, if they exist already. Returns: groups in which the lowest 48 coefficients of
-    every whole-record part stay single.
+    `bins`: the spectrum of all axes. `keep`, shape (bins,): 0 or False excludes a bin, a share
+    reduces its weight. `regressors`, shape (bins, n): coefficients of trends of the mean, zero
+    outside the whole-record part. The ramp is always the first regressor and not part of them.
+    `known`: groups of the same bins with other regressors, if they exist already. Returns: groups
+    in which the lowest 48 coefficients of every whole-record part stay single.
     """
     band, weight = bins.band, bins.dof if keep is None else bins.dof * keep
     dof: Array = np.bincount(band, weight).astype(np.float64)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 from imu_allan.arrays import Array
 from imu_allan.noise.trends.kinds import Found, TrendKind, TRENDS, waveforms
-from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 
 SLOWEST = 128
@@ -41,8 +41,8 @@ class Bank:
     def regressors(self, kind: TrendKind, values: Array, slowest: int = SLOWEST) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
         trends = [kind.columns(float(value), self.duration_s) for value in values]
-        transforms = regressors(self._record.sections, self._record.dt,
-                                [column for trend in trends for column in trend], slowest)
+        transforms = self._record.regressors(
+            [column for trend in trends for column in trend], slowest)
         return np.asarray(transforms.T.reshape(len(values), len(trends[0]), -1))
 
 
@@ -52,7 +52,7 @@ class AxisBank:
     def __init__(self, bank: Bank, record: RecordSpectrum, slowest: int = SLOWEST) -> None:
         self.shared, self.record, self._slowest, bins = bank, record, slowest, record.bins
         slow = bins.whole & (bins.index <= slowest)
-        used = slow if record.keep is None else slow & record.keep
+        used = slow & record.keep
         # Which of the slowest coefficients are not part of a line
         self._used = used[slow]
         self._frequency, self._ramp = bins.frequency[used], bins.of_ramp[used]
@@ -71,12 +71,10 @@ class AxisBank:
         group = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
         # The lower limit keeps products with the reciprocal finite.
         scale = 1 / np.sqrt(np.maximum(np.atleast_2d(power)[:, group], 1e-200))
-        columns = [self._ramp[:, None]]
-        if self.record.in_every_fit or others:
-            trends = [*self.record.in_every_fit, *waveforms(others, self.shared.duration_s)]
-            columns.append(regressors(
-                self.record.sections, self.record.dt, trends, self._slowest)[self._used])
-        basis = np.linalg.qr(np.column_stack(columns) * scale[:, :, None])[0]
+        trends = [*self.record.in_every_fit, *waveforms(others, self.shared.duration_s)]
+        columns = np.column_stack((
+            self._ramp, self.record.regressors(trends, self._slowest)[self._used]))
+        basis = np.linalg.qr(columns * scale[:, :, None])[0]
         residual = (self._coefficient * scale)[:, :, None]
         residual = residual - basis @ (basis.transpose(0, 2, 1) @ residual)
         return Whitened(self, others, scale, basis * scale[:, :, None], residual[:, :, 0] * scale)

@@ -15,15 +15,13 @@ D. C. Hoaglin and R. E. Welsch, Am. Stat. 32 (1978): the leverage h.
 
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.regression import RIDGE
 from imu_allan.noise.trends.kinds import cycle
-from imu_allan.noise.trends.leakage import Waveform
-from imu_allan.noise.trends.regressors import RecordSpectrum, regressors
+from imu_allan.noise.trends.regressors import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,7 +74,8 @@ def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmon
         sizes, _, _ = part.regressed(part.waves)
         cycle = Cycle(frequency_hz, part.middle_s, sizes[::2] - 1j * sizes[1::2], np.zeros(0))
         sizes, errors, taken = part.regressed(
-            np.column_stack((part.waves, part.transformed([cycle.log_frequency_derivative]))))
+            np.column_stack((part.waves, record.regressors(
+                [cycle.log_frequency_derivative], part.last))))
         # A further step would not change anything of importance.
         if abs(sizes[-1]) < 0.02 * errors[-1]:
             break
@@ -103,9 +102,8 @@ def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
 def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
     """Return a copy of a record, of one axis, without a cycle."""
     calm = record.without_leak(cycle.trend, variance)
-    assert calm.keep is not None
     bins = calm.bins
-    coefficient = bins.coefficient - regressors(record.sections, record.dt, [cycle.trend]).T
+    coefficient = bins.coefficient - record.regressors([cycle.trend]).T
     # The limit keeps the band of a coefficient that the cycle explains completely.
     left = np.maximum(1 - cycle.leverage, 1e-9)
     # With a leverage of more than half, too little of a coefficient is noise.
@@ -119,27 +117,22 @@ class _Slow:
 
     def __init__(self, record: RecordSpectrum, variance: Array, frequency_hz: float,
                  harmonics: int) -> None:
-        bins, self._record = record.bins, record
+        bins = record.bins
         # At least one, and no more than lie below the highest coefficient of the whole record.
         fastest = float(bins.frequency[bins.whole].max(initial=0.0))
         harmonics = max(min(harmonics, int(fastest / frequency_hz)), 1)
         self.middle_s = record.duration_s / 2
         # Include side lobes: a quarter of the frequency of the highest harmonic, 64 coefficients.
         highest = 1.25 * harmonics * frequency_hz
-        self._last = int(np.ceil(2 * record.duration_s * highest)) + 64
-        self.here = bins.whole & (bins.index <= self._last)
+        self.last = int(np.ceil(2 * record.duration_s * highest)) + 64
+        self.here = bins.whole & (bins.index <= self.last)
         self._root = 1 / np.sqrt(variance[self.here])
         self._signal = self._root * bins.coefficient[record.axis, self.here]
-        known = [bins.of_ramp[self.here, None]]
-        if record.in_every_fit:
-            known.append(self.transformed(record.in_every_fit))
-        self._known = self._root[:, None] * np.column_stack(known)
-        self.waves = self.transformed([wave for order in range(1, harmonics + 1)
-                                       for wave in cycle(order * frequency_hz, self.middle_s)])
-
-    def transformed(self, trends: Sequence[Waveform]) -> Array:
-        """Transform trends of the mean; return shape (coefficients, trends)."""
-        return regressors(self._record.sections, self._record.dt, trends, self._last)
+        self._known = self._root[:, None] * np.column_stack((
+            bins.of_ramp[self.here], record.regressors(record.in_every_fit, self.last)))
+        waves = [wave for order in range(1, harmonics + 1)
+                 for wave in cycle(order * frequency_hz, self.middle_s)]
+        self.waves = record.regressors(waves, self.last)
 
     def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
         """Regress on columns beside the known trends: sizes, standard errors and leverages."""

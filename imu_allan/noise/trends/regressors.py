@@ -33,7 +33,7 @@ class RecordSpectrum:
     bins: Bins    # of these sections
     axis: int
     dt: float    # sample interval in seconds
-    keep: Bools | None = None    # (bins,): False for bins of a line
+    keep: Bools    # (bins,): False for bins of a line
     # Trends that are regressors of every fit
     trends: tuple[Waveform, ...] = ()
     # Whether the first and the last cell are regressors of every fit, before the trends
@@ -52,32 +52,26 @@ class RecordSpectrum:
         """Return the spectrum in narrow bands, with the ramp and trends as regressors."""
         if not trends:
             return self._without_trends
-        columns = regressors(self.sections, self.dt, trends)
-        return grouped(*self._kept, np.column_stack((*self._columns, columns)),
-                       known=self._without_trends)
+        columns = np.column_stack((self._columns, self.regressors(trends)))
+        return grouped(self.bins, self.axis, self._weight, columns, known=self._without_trends)
 
     @cached_property
-    def _columns(self) -> tuple[Array, ...]:
+    def _columns(self) -> Array:
         """Regressors of the trends that are part of every fit."""
-        every = self.in_every_fit
-        return (regressors(self.sections, self.dt, every),) if every else ()
+        return self.regressors(self.in_every_fit)
 
     @cached_property
     def _without_trends(self) -> Groups:
         """Return the groups without further trends; cached, as they are needed repeatedly."""
-        found, bands = grouped(*self._kept, *self._columns), self.bands
+        found, bands = grouped(self.bins, self.axis, self._weight, self._columns), self.bands
         # Axes are fitted together at common frequencies, whatever was left out of one of them.
         return found if bands is None else replace(
             found, frequency=bands.frequency, step=bands.step, length=bands.length)
 
-    @cached_property
-    def _kept(self) -> tuple[Bins, int, Bools | None]:
-        """Return the bins, the axis, and a mask of the bins to use."""
-        if self.bands is None or self.keep is None:
-            return self.bins, self.axis, self.keep
-        # Excluded bins get a negligible weight instead, so that their bands remain.
-        dof = self.bins.dof * np.maximum(self.keep, 1e-15)
-        return replace(self.bins, dof=dof), self.axis, None
+    @property
+    def _weight(self) -> Array | Bools:
+        """Weight of each bin: of those left out negligible instead of 0 if bands are kept."""
+        return self.keep if self.bands is None else np.maximum(self.keep, 1e-15)
 
     @property
     def in_every_fit(self) -> tuple[Waveform, ...]:
@@ -123,37 +117,33 @@ class RecordSpectrum:
         """
         bins, own = self.bins, slice(self.axis, self.axis + 1)
         leak = leaks(self.sections, bins, self.dt, self.duration_s, trend)
-        keep = leak < LARGEST_LEAK * noise
-        keep = keep if self.keep is None else keep & self.keep
+        keep = self.keep & (leak < LARGEST_LEAK * noise)
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, coefficient=bins.coefficient[own],
                       ramp=np.maximum(bins.ramp, 0.0))
         return replace(self, bins=one, axis=0, keep=keep)
 
+    def regressors(self, trends: Sequence[Waveform], slowest: int | None = None) -> Array:
+        """
+        Transform trends of the mean like the record: X of (7) in docs/statistics.md.
 
-def regressors(sections: Sequence[SpectrumSection], dt: float, trends: Sequence[Waveform],
-               slowest: int | None = None) -> Array:
-    """
-    Transform trends of the mean like the record: X of (7) in docs/statistics.md.
-
-    `sections`: of the record. `dt`: sample interval in seconds. `trends`: one per column.
-    `slowest`: last index to return, for slow trends. Returns shape (bins, trends): for the bins of
-    the same sections, zero outside the whole-record part. With `slowest`, only for the slowest
-    coefficients of the whole-record parts.
-    """
-    whole = [section for section in sections if section.coefficients is not None]
-    # 1024 points are enough for trends with a few dozen cycles in the record.
-    counts = [section.length if slowest is None else min(section.length, max(1024, slowest + 1))
-              for section in whole]
-    # There may be hundreds of parts, so each trend is computed at the times of all at once.
-    time = np.concatenate([np.zeros(0), *(
-        (section.start + (np.arange(count) + 0.5) * (section.length / count) * section.step) * dt
-        for section, count in zip(whole, counts, strict=True))])
-    values, parts = np.stack([trend(time) for trend in trends]), []
-    for section, count, end in zip(whole, counts, np.cumsum(counts).tolist(), strict=True):
-        last = section.last if slowest is None else min(section.last, slowest + 1)
-        rows = dct(values[:, end - count:end], norm='ortho')
-        parts.append(rows[:, section.first:last].T * np.sqrt(section.length / count))
-    blocks = 0 if slowest is not None else sum(
-        section.last - section.first for section in sections if section.coefficients is None)
-    return np.concatenate((*parts, np.zeros((blocks, len(trends)))))
+        `trends`: one per column. `slowest`: last index to return, for slow trends. Returns shape
+        (bins, trends), zero outside the whole-record part. With `slowest`, only for the slowest
+        coefficients of the whole-record parts.
+        """
+        whole = [section for section in self.sections if section.coefficients is not None]
+        # 1024 points are enough for trends with a few dozen cycles in the record.
+        counts = [section.length if slowest is None else
+                  min(section.length, max(1024, slowest + 1)) for section in whole]
+        # There may be hundreds of parts, so each trend is computed at the times of all at once.
+        time = np.concatenate([np.zeros(0), *(
+            section.start + (np.arange(count) + 0.5) * (section.length / count) * section.step
+            for section, count in zip(whole, counts, strict=True))]) * self.dt
+        values = np.array([trend(time) for trend in trends]).reshape(len(trends), len(time))
+        parts = []
+        for section, count, end in zip(whole, counts, np.cumsum(counts).tolist(), strict=True):
+            last = section.last if slowest is None else min(section.last, slowest + 1)
+            rows = dct(values[:, end - count:end], norm='ortho')
+            parts.append(rows[:, section.first:last].T * np.sqrt(section.length / count))
+        blocks = 0 if slowest is not None else np.count_nonzero(~self.bins.whole)
+        return np.concatenate((*parts, np.zeros((blocks, len(trends)))))

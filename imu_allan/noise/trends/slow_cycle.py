@@ -124,8 +124,7 @@ def _fastest(record: RecordSpectrum) -> float:
 def _likeliest(record: RecordSpectrum, noise: Array, bank: Bank) -> float:
     """Return the frequency with the largest gain, for noise without a random walk."""
     groups = record.groups()
-    keep = None if record.keep is None else record.keep | (
-        record.bins.frequency < _fastest(record))
+    keep = record.keep | (record.bins.frequency < _fastest(record))
     theta = noise.copy()
     theta[RANDOM_WALK] = 0.0
     number = [kind.key for kind in bank.kinds].index('slow_cycle')
