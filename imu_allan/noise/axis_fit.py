@@ -277,7 +277,7 @@ def _without_found_trends(source: _Source, posterior: Posterior, finished: Estim
 def _change_of_white_noise(posterior: Posterior, source: _Source, dt: float) -> Change:
     """Estimate how much the level of the white noise changes between segments."""
     segments = source.segments
-    if segments is None or source.steadiness is None:
+    if segments is None:
         return STEADY
     best = posterior.models[0]
     power, white = expected(best)

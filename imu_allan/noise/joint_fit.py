@@ -57,7 +57,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
 
     """
     groups = joined_groups([one.record.groups() for one in records if one.record is not None])
-    [posterior] = posteriors([groups], dt, [None])
+    [posterior] = posteriors([groups], dt)
     # Noise that changes within a record is as uncertain over all of them.
     change = max((one.change for one in records), key=lambda one: one.typical)
     report = reported(replace(posterior, change=change), dt)

@@ -124,12 +124,12 @@ class Spectra:
 
 def unexplained_losses(frequency: Array, dof: Array, power: Array) -> Array:
     """Return the loss above each edge with free levels by half-octave, shape (n, groups+1)."""
-    half_octave = half_octaves(frequency)
-    first = np.concatenate(([True], half_octave[1:] != half_octave[:-1]))
+    # The first group of each half-octave
+    first = np.diff(half_octaves(frequency), prepend=np.inf) != 0
     octave = np.cumsum(first) - 1
     # Many short runs give many groups of few degrees of freedom: groups of a band share a level.
     eighth = np.round(8 * np.log2(frequency / frequency[-1]))
-    band = np.cumsum(first | np.concatenate(([False], np.diff(eighth) != 0))) - 1
+    band = np.cumsum(first | (np.diff(eighth, prepend=np.inf) != 0)) - 1
     losses = np.empty_like(dof)
     for loss, own_dof, own_power in zip(losses, dof, power, strict=True):
         # A thousandth stands for zero degrees of freedom.

@@ -90,23 +90,20 @@ class Posterior:
     change: Change = STEADY
 
 
-def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpectrum | None],
+def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpectrum] = (),
                bank: Bank | None = None) -> list[Posterior]:
     """
     Compute the posteriors over the noise models of several axes.
 
     `groups`: grouped spectrum of each axis, all over the same bands. `dt`: sample interval in
-    seconds. `records`: that the groups were made of, to fit trends of the mean; None to fit none,
-    as for several records joined. `bank`: trends to consider, of the same records; otherwise
-    `TRENDS`.
+    seconds. `records`: that the groups were made of, to fit trends of the mean; without them, none
+    are fitted, as for several records joined. `bank`: trends to consider; otherwise `TRENDS`.
     """
     spectra, starts = prepared(groups, dt)
     rows = search_models(spectra, starts, dt)
     axes = range(len(starts))
     fitted = Fitted(spectra, rows, np.array(axes), [()] * len(axes), groups)
-    if bank is None and (some := next(filter(None, records), None)) is not None:
-        bank = Bank(some)
-    if bank is not None and (more := fit_trends(spectra, starts, rows, records, bank)):
+    if records and (more := fit_trends(spectra, starts, rows, records, bank or Bank(records[0]))):
         fitted = fitted.joined(more)
     best = [fitted.rows.take(fitted.row_axis == axis).best() for axis in axes]
     goodness = [goodness_of_fit(fitted.spectra, row) for row in best]

@@ -69,16 +69,15 @@ class Fitted:
 
 
 def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
-               records: Sequence[RecordSpectrum | None], bank: Bank) -> list[Fitted]:
+               records: Sequence[RecordSpectrum], bank: Bank) -> list[Fitted]:
     """
     Fit the models of each axis with every promising trend, then greedily with two and three.
 
-    `rows`: models without trends, for each axis the best first. `records`: of each axis; None
-    where no trend is to be searched for. Returns: a fit for each number of trends.
+    `rows`: models without trends, for each axis the best first. `records`: of each axis. Returns:
+    a fit for each number of trends.
     """
     searches = [_Search(spectra, axis, of_axis(rows, axis), starts[axis], AxisBank(bank, record))
-                for axis, record in enumerate(records)
-                if record is not None and record.duration_s > 0]
+                for axis, record in enumerate(records) if record.duration_s > 0]
     if not searches:
         return []
     without = maximise_rows(spectra, Rows.joined([search.noises for search in searches]))

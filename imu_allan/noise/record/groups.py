@@ -81,7 +81,7 @@ def grouped(bins: Bins, axis: int, keep: Bools | Array | None = None,
     reduces its weight. `regressors`, shape (bins, n): coefficients of trends of the mean, zero
     outside the whole-record part. The ramp is always the first regressor and not part of them.
     `known`: groups of the same bins with other regressors, if they exist already. Returns: groups
-    in which the lowest 48 coefficients of every whole-record part stay single.
+    in which the 48 slowest coefficients of the whole-record parts stay single.
     """
     band, weight = bins.band, bins.dof if keep is None else bins.dof * keep
     dof: Array = np.bincount(band, weight).astype(np.float64)

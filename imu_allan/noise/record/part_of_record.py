@@ -20,11 +20,8 @@ def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
 
     `first`, `last`: segments from `first` up to, but not including, `last`.
     """
-    series, segments = periodogram.series, periodogram.segments
-    end = np.cumsum(series.counts)
-    # A very long record of short runs may have dropped its oldest cells.
-    middle = end - series.counts / 2 + (segments.samples - (end[-1] if len(end) else 0))
-    number = middle // segments.width
+    series = periodogram.series
+    number = (periodogram.ends - series.counts / 2) // periodogram.segments.width
     return series.take((first <= number) & (number < last))
 
 

@@ -17,7 +17,7 @@ first few coefficients of adjacent blocks are independent; for flicker, they are
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from imu_allan.arrays import Array
+from imu_allan.arrays import Array, Ints
 from imu_allan.noise.record.cells import (
     Cells,
     cells_of,
@@ -200,6 +200,14 @@ class Periodogram(MultiAxis):
             self.series = coarser(self.series, 2)
             self.cell *= 2
         self.series = self.series.take(slice(-SERIES, None))
+
+    @property
+    def ends(self) -> Ints:
+        """Samples of the record up to the end of each cell of the series, shape (cells,)."""
+        # Counted from the end, as a very long record of short runs may have dropped its oldest
+        # cells.
+        counts = self.series.counts
+        return np.asarray(self.samples + counts - np.cumsum(counts[::-1])[::-1])
 
     def finish(self) -> None:
         """Transform the waiting means of all stages, at the end of the record."""

@@ -56,12 +56,10 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
     middle = (end_to_end(series.keys) + 0.5) * calm.cell
     moved = trend(np.asarray(middle * dt, dtype=np.float64))
     calm.series = replace(series, sums=series.sums - moved * series.counts)
-    seen = np.cumsum(series.counts)
-    seen = seen + (segments.samples - (seen[-1] if len(seen) else 0))
     for number in range(segments.used):
         # Missing samples do not count towards a segment, but take time.
         ends = np.minimum(np.array([number, number + 1]) * segments.width, segments.samples)
-        begin, end = np.interp(ends, seen, middle + calm.cell / 2, left=0.0) * dt
+        begin, end = np.interp(ends, calm.ends, middle + calm.cell / 2, left=0.0) * dt
         if end <= begin:
             continue
         # Slopes do not show a step within the segment. Only a step is far off a straight line
