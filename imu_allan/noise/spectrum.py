@@ -150,7 +150,7 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
 
     """
     j = np.asarray(j)
-    factor = 1 - 2 / (np.pi**2 * np.maximum(j, 1))
+    factor = 1 - 2 / (np.pi**2 * j)
     low = j <= len(_FLICKER_DCT)
     factor[low] = _FLICKER_DCT[j[low] - 1]
     return np.asarray(factor)

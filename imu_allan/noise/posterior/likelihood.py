@@ -55,8 +55,8 @@ class Spectra:
 
     Attributes
     ----------
-    frequency : ndarray, shape (groups,)
-        In Hz.
+    frequency, nu : ndarray, shape (groups,)
+        In Hz, and in cycles per sample.
     dof, power : ndarray, shape (spectra, groups)
         Degrees of freedom are zero where a line was left out.
     nominal_dof : ndarray, shape (spectra, groups)
@@ -83,6 +83,7 @@ class Spectra:
     """
 
     frequency: Array
+    nu: Array
     dof: Array
     power: Array
     nominal_dof: Array

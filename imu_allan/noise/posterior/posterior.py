@@ -100,7 +100,7 @@ def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpec
     are fitted, as for several records joined. `bank`: trends to consider; otherwise `TRENDS`.
     """
     spectra, starts = prepared(groups, dt)
-    rows = search_models(spectra, starts, dt)
+    rows = search_models(spectra, starts)
     axes = range(len(starts))
     fitted = Fitted(spectra, rows, np.array(axes), [()] * len(axes), groups)
     if records and (more := fit_trends(spectra, starts, rows, records, bank or Bank(records[0]))):

@@ -58,7 +58,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         _free_term(table, log_effect[:, k], information)
         for k, table in enumerate(every.terms)), strict=True)
     spectra = Spectra(
-        frequency, dof, power, nominal_dof, design * squared_limit[:, :, None],
+        frequency, nu, dof, power, nominal_dof, design * squared_limit[:, :, None],
         np.sqrt(squared_limit), log_effect, free_log_limits, free_tables,
         _gentlest_corner(nu, design[:, N], information, nominal_dof), regressors(groups),
         groups[0].records, every, likelihood.unexplained_losses(frequency, dof, power))

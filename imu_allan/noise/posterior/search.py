@@ -63,7 +63,7 @@ def rows_of(spectra: Spectra, spectrum: int, models: Iterable[Model]) -> Rows:
     return replace(rows, prior=likelihood.structure_prior(spectra, rows))
 
 
-def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
+def search_models(spectra: Spectra, starts: Sequence[Start]) -> Rows:
     """
     Fit every model that may matter, for all axes.
 
@@ -77,10 +77,10 @@ def search_models(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     # Nats below the best at which a fast end, or a slow noise, is dropped.
     kept = 12.0
     fast = best_of(spectra, maximised(
-        {axis: _fast_ends(spectra, axis, starts[axis], dt) for axis in axes}), kept, 12)
+        {axis: _fast_ends(spectra, axis, starts[axis]) for axis in axes}), kept, 12)
     # Output noise after a filter, where the best model has an unexplained top.
     with_output = {axis: _filtered(
-        spectra, axis, starts[axis], dt, (N, B, K, OUTPUT, LOW),
+        spectra, axis, starts[axis], (N, B, K, OUTPUT, LOW),
         {OUTPUT: _amplitude_at_top(spectra, axis, OUTPUT)})
         for axis in axes if of_axis(fast, axis).edge[0] < len(spectra.frequency)}
     if with_output:
@@ -120,9 +120,8 @@ def _with(x: Array, values: Mapping[int, float]) -> Array:
     return new
 
 
-def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator[Model]:
+def _fast_ends(spectra: Spectra, axis: int, start: Start) -> Iterator[Model]:
     """Propose models of the fast end of one axis, combined with the usual slow noise."""
-    nu = np.minimum(spectra.frequency * dt, 0.5)
     # From far below, a maximum is out of sight: half the power at the top may be quantization.
     x = _with(start.x, {Q: max(start.x[Q], _amplitude_at_top(spectra, axis, Q, 0.5))})
     slow, law = (N, B, K), (N, K, LAW, ALPHA)
@@ -133,7 +132,7 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
     process = spectra.tables.terms[1]
     for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
         yield Model((*slow, PROCESS, TIME), _with(x, {TIME: time, PROCESS: 1.5}))
-    yield from _filtered(spectra, axis, start, dt, (*slow, LOW), {})
+    yield from _filtered(spectra, axis, start, (*slow, LOW), {})
     # Only a fast high-pass, which hides what is below it, takes the place of all slow noise.
     if start.white[0] < 0.5 * start.white.max():
         high = spectra.tables.high_pass
@@ -141,7 +140,8 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Iterator
         for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 9):
             for more in ((), (Q,)):
                 yield Model((N, HIGH, *more), _with(x, {HIGH: corner, N: level}))
-    table, keys = spectra.tables.low_pass, [shape.key for shape in LOW_PASSES]
+    nu, table = spectra.nu, spectra.tables.low_pass
+    keys = [shape.key for shape in LOW_PASSES]
     for edge in _edges(nu):
         below = _with(x, {N: _white(spectra, axis, start, int(np.searchsorted(nu, nu[edge] / 3)))})
         yield Model(slow, below, edge=edge)
@@ -163,10 +163,10 @@ def _white(spectra: Spectra, axis: int, start: Start, group: int) -> float:
     return float(0.5 * np.log(start.white[group]) - np.log(spectra.limit[axis, N]))
 
 
-def _filtered(spectra: Spectra, axis: int, start: Start, dt: float, slots: Sequence[int],
+def _filtered(spectra: Spectra, axis: int, start: Start, slots: Sequence[int],
               values: Mapping[int, float]) -> Iterator[Model]:
     """Propose every filter at several corners."""
-    nu, table = np.minimum(spectra.frequency * dt, 0.5), spectra.tables.low_pass
+    nu, table = spectra.nu, spectra.tables.low_pass
     for low_pass, shape in enumerate(LOW_PASSES):
         first, last = table.first[low_pass], table.last[low_pass]
         if low_pass == EXPONENTIAL_AVERAGE:

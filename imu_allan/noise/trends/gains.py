@@ -148,7 +148,7 @@ class Whitened:
         # The integral runs over the index, because grid values are equally likely.
         place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
         share = (float(((likelihood_ratio[1:] + likelihood_ratio[:-1]) * np.diff(place)).sum()) / 2
-                 if kind.continuous and len(grid) > 1 else float(likelihood_ratio.mean()))
+                 if len(grid) > 1 else float(likelihood_ratio.mean()))
         low, high = _interval(values, gains)
         # A lag that is not seen counts as none. During a warm-up it would only scale the slope,
         # whose interval does not include it. No other nuisance can be zero.
@@ -159,7 +159,7 @@ class Whitened:
         """Return nuisance values of a kind and their gains, refined around the best value."""
         kind, values = self.bank.shared.kinds[number], self.bank.shared.grids[number]
         gains = self._apart(kind, values, gains)
-        if not kind.continuous or len(values) < 3:
+        if len(values) < 3:
             return values, gains
         # Refine the grid around the best value until the gain hardly changes.
         for _ in range(8):

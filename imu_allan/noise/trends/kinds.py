@@ -26,11 +26,10 @@ class TrendKind:
     prior : float
         Prior probability of presence per unit of the logarithm of the amplitude.
     grid : callable
-        Equally likely values of the nuisance, given the duration in seconds.
+        Equally likely values of the nuisance, given the duration in seconds. It may lie between
+        them, unless there is only one.
     columns : callable
         Functions of time, given the nuisance and the duration.
-    continuous : bool
-        Whether the nuisance may lie between the values of the grid.
     most : int
         Most trends of this kind in one model: a die and its housing warm up separately.
     smooth : bool
@@ -42,7 +41,6 @@ class TrendKind:
     prior: float
     grid: Callable[[float], Array]
     columns: Callable[[float, float], tuple[Waveform, ...]]
-    continuous: bool = True
     most: int = 1
     smooth: bool = False
 
@@ -89,7 +87,7 @@ TRENDS = (
               lambda frequency, _: cycle(frequency), smooth=True),
     # The polynomial of order 2 is a warm-up that is slower than the record.
     TrendKind('bend', 0.05, lambda _: np.array([3.0]),
-              lambda order, duration: (legendre(int(order), duration),), continuous=False),
+              lambda order, duration: (legendre(int(order), duration),)),
 )
 
 
