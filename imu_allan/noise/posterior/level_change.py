@@ -71,7 +71,7 @@ def change_of(level: Array, error: Array) -> Change:
     Parameters
     ----------
     level, error : ndarray, shape (parts,)
-        Logarithm of the power in each part, and its standard error.
+        At least three. Logarithm of the power in each part, and its standard error.
 
     Returns
     -------
@@ -86,8 +86,6 @@ def change_of(level: Array, error: Array) -> Change:
     0.0
 
     """
-    if len(level) < 3:
-        return STEADY
     variance = error**2 + _TAUS[:, None]**2
     known = (1 / variance).sum(axis=1)
     mean = (level / variance).sum(axis=1) / known
