@@ -21,6 +21,7 @@ from characterized import (
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
 from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.joint_fit import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 import numpy as np
@@ -295,3 +296,18 @@ def test_an_axis_has_the_same_numbers_alone_and_beside_one_with_a_line():
     assert first.lines
     for key, found in one.fit.estimates.items():
         assert vars(other.fit.estimates[key]) == pytest.approx(vars(found), rel=1e-6), key
+
+
+def test_several_records_have_the_same_numbers_in_any_order():
+    rng, fits = np.random.default_rng(8), []
+    for _ in range(2):
+        estimator = Estimator()
+        estimator.update(rng.normal(0, 1, 60_000))
+        fits += fit_axes(estimator.finished(), 0.01)
+    # The noise of neither changes by the median, but it is less certain of one.
+    steady, unsure = sorted(fits, key=lambda one: -one.change.weight[0])
+    assert steady.change.typical == unsure.change.typical == 0.0
+    one, other = joint_fit([steady, unsure], 0.01), joint_fit([unsure, steady], 0.01)
+    for key, found in one.fit.estimates.items():
+        assert vars(other.fit.estimates[key]) == pytest.approx(
+            vars(found), rel=1e-6, nan_ok=True), key
