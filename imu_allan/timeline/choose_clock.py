@@ -15,6 +15,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.memory import (
     Decision,
     FASTEST_NS,
+    LONGEST_QUEUE_NS,
     Memory,
     RATE_TOLERANCE,
     TimelineOptions,
@@ -103,6 +104,28 @@ def _speed_of(stamps: Stamps, received: Stamps) -> float:
         return 1.0
     speeds = np.log(passed / np.diff(edges))
     return exp(speeds.mean()) if np.ptp(speeds) <= np.abs(speeds).min() else 1.0
+
+
+def step_of_header(memory: Memory, window: Window) -> int:
+    """Return by how much header stamps step ahead of receive stamps, apart from their speed."""
+    # A step of either clock, and what waited in a queue longer than usual, is no speed.
+    counts = memory.counts
+    rows = np.linspace(0, window.consumed - 1, 9).astype(int)
+    own, received = (
+        np.diff(stamps[rows], prepend=stamps[0] if last_ns is None else last_ns)
+        for stamps, last_ns in ((window.header_ns, counts.header.last_ns),
+                                (window.receive_ns, counts.receive.last_ns)))
+    both = np.maximum(np.minimum(own, received), 0)
+    if abs(own.sum() - received.sum()) <= LONGEST_QUEUE_NS or not both.any():
+        return 0
+    # The median by the time that passed on both clocks: it passes beside a step, or a queue.
+    speeds = own / np.maximum(received, 1)
+    order = np.argsort(speeds)
+    passed = np.cumsum(both[order])
+    usual = float(speeds[order][np.searchsorted(passed, passed[-1] / 2)])
+    step = min((round(own.sum() - speed * received.sum())
+                for speed in (usual, memory.decision.first_speed)), key=abs)
+    return step if abs(step) > max(LONGEST_QUEUE_NS, memory.decision.least_step_ns) else 0
 
 
 def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Bools) -> Pace | None:

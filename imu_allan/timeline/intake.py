@@ -16,6 +16,7 @@ from imu_allan.timeline.choose_clock import (
     measure_first_pace,
     replace_header_clock,
     stamps_of,
+    step_of_header,
 )
 from imu_allan.timeline.memory import Memory, Messages, Window
 from imu_allan.timeline.stamps import SECOND, Stamps
@@ -58,14 +59,14 @@ def usable(memory: Memory, window: Window) -> Messages:
     void = repeats.spikes | unusable
     twice = (_twice(memory, window, stamps) | repeats.held) & ~(void | repeats.frozen)
     if memory.content.frozen_s is None and repeats.frozen[:c].any():
-        begins = int(stamps[np.argmax(repeats.frozen)])
-        first = counts.of(decision.clock).first_ns
-        memory.content.frozen_s = max(float(begins - first), 0.0) / SECOND
+        begins_ns = memory.cursor.elapsed_at(stamps, int(np.argmax(repeats.frozen)))
+        memory.content.frozen_s = max(begins_ns, 0) / SECOND
     counts.messages += c
     # Unusable values are not counted as spikes.
     counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
     counts.rejected += int(np.count_nonzero((void | repeats.frozen)[:c]))
     counts.duplicates += int(np.count_nonzero(twice[:c]))
+    counts.header.first_ns += step_of_header(memory, window)
     counts.header.last_ns = int(window.header_ns[c - 1])
     counts.receive.last_ns = int(window.receive_ns[c - 1])
     messages, left_out = Messages(stamps, other, samples, c, void), repeats.frozen | twice

@@ -132,11 +132,18 @@ FASTEST_NS = 2.5e4
 """No IMU samples at more than 32 kHz: microseconds were written as nanoseconds, for example."""
 
 
+NEVER_NS = 5 * 365 * 86400 * SECOND
+"""No recording lasts five years: a longer step is a stamp fault, whatever the other clock
+shows."""
+LONGEST_QUEUE_NS = 2.5e9
+"""Messages usually wait for no longer than this until they are received. Chosen by judgment."""
+
+
 @dataclass
 class StampCounts(Record):
     """Counts of the stamps of one clock."""
 
-    first_ns: int = 0  # stamp of the first message
+    first_ns: int = 0  # stamp of the first message; steps of the header clock are added
     last_ns: int | None = None  # newest stamp, with which the next one is compared
     # Stamps equal to, or earlier than, the one before.
     repeats: int = 0
@@ -246,6 +253,11 @@ class Decision(Record):
         """Whether messages with equal stamps are distinguished by their values."""
         return not self.counted_only and (self.clock == 'receive' or self.ticks)
 
+    @property
+    def least_step_ns(self) -> float:
+        """Least jump of one clock alone that is a step of that clock: stamps may be late."""
+        return max(SECOND, min(100 * self.pace.interval_ns, NEVER_NS))
+
     def use_receive(self, flaw: Flaw | None) -> None:
         """Use receive stamps, because of a flaw of the header stamps or, with None, as better."""
         self.clock, self.ticks = 'receive', False
@@ -293,6 +305,11 @@ class Cursor(Record):
     fresh_run: bool = True
     jumped: bool = False
     other_rate: bool = False  # whether messages come at another rate than the first ones
+
+    def elapsed_at(self, stamps: Stamps, row: int) -> int:
+        """Return the time from the first sample, or the first of `stamps`, to one of `stamps`."""
+        since_ns = int(stamps[0]) if self.first_ns is None else self.last_ns - self.elapsed_ns
+        return int(stamps[row]) - since_ns
 
 
 @dataclass

@@ -15,14 +15,11 @@ from math import sqrt
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.block import EvenBlock, NEIGHBOURS
 from imu_allan.timeline.losses import count_steps, EVEN_JITTER, may_change, rate_changes, unpaced
-from imu_allan.timeline.memory import Memory, Messages
+from imu_allan.timeline.memory import Memory, Messages, NEVER_NS
 from imu_allan.timeline.pace import measure_pace
 from imu_allan.timeline.stamps import order_stamps, place_in_burst, SECOND, Stamps
 import numpy as np
 
-_NEVER_NS = 5 * 365 * 86400 * SECOND
-"""No recording lasts five years: a longer step is a stamp fault, whatever the other clock
-shows."""
 _SPARSE = 17
 """One in this many samples enters the mean acceleration, which needs no more. An odd number, for
 drivers that fill every second message with zeros."""
@@ -102,17 +99,15 @@ def _forward_jumps(memory: Memory, stamps: Stamps, other: Stamps) -> Bools:
     cursor = memory.cursor
     jumps = np.zeros(len(stamps), dtype=bool)
     interval = memory.decision.pace.interval_ns
-    # A jump of one clock alone by more than a second is a step of that clock.
-    limit = max(SECOND, min(200 * interval, _NEVER_NS))
     last = int(stamps[0]) if cursor.first_ns is None else cursor.last_ns
     steps = np.diff(stamps, prepend=last)
-    for at in np.flatnonzero(steps > limit).tolist():
+    for at in np.flatnonzero(steps > memory.decision.least_step_ns).tolist():
         low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
         passed = float(other[high] - (other[low] if at else cursor.other_ns))
         usual = (high - low + (0 if at else 1)) * interval
         alive = other[high] != other[low]
         jumps[at] = ((alive and passed < usual + 0.25 * steps[at])
-                     or steps[at] + cursor.elapsed_ns > _NEVER_NS)
+                     or steps[at] + cursor.elapsed_ns > NEVER_NS)
     return jumps
 
 
@@ -153,9 +148,7 @@ def _leave_out(memory: Memory, messages: Messages) -> None:
     n = messages.consumed
     counts.rejected += int(np.count_nonzero(~messages.void[:n]))
     if not counts.changed_rate_hz and n > 1:
-        since = (0 if cursor.first_ns is None
-                 else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
-        counts.rate_changed_s = since / SECOND
+        counts.rate_changed_s = cursor.elapsed_at(messages.stamps, 0) / SECOND
         pace = measure_pace(messages.stamps[:n])
         counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
     counts.at_other_rate += n
@@ -254,12 +247,10 @@ def _begin_run(memory: Memory, stamp: int, other: int, interval: float) -> None:
     passed = stamp - cursor.last_ns
     if cursor.first_ns is None:
         cursor.first_ns, passed = stamp, 0
-    elif cursor.jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+    elif cursor.jumped or not 0 < passed < NEVER_NS - cursor.elapsed_ns:
         passed = other - cursor.other_ns
-        if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+        if not 0 < passed < NEVER_NS - cursor.elapsed_ns:
             passed = round(interval)
-        # As if the clock had gone on: from its first stamp on it shows what has passed.
-        memory.counts.of(memory.decision.clock).first_ns += stamp - cursor.last_ns - passed
     if passed > (memory.options.gap_tolerance + 1.5) * interval:
         memory.counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
     cursor.elapsed_ns += passed

@@ -17,7 +17,7 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.terms import AXES
 from imu_allan.result import Span, Timeline, Total
 from imu_allan.sensor.units import STANDARD_GRAVITY
-from imu_allan.timeline.memory import Clock, Counts, Decision, Memory
+from imu_allan.timeline.memory import Clock, Counts, Decision, LONGEST_QUEUE_NS, Memory
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.stamps import SECOND
 from imu_allan.timeline.values import Content
@@ -217,10 +217,10 @@ def _clock_findings(memory: Memory) -> Iterator[Finding]:
     if header <= 0 or receive <= 0:
         return
     # A crystal is off by millionths; a replay or a simulation by more than 5 %. The first receive
-    # stamps lag by what waited in a queue, usually of no more than 2.5 s, unless the first
-    # messages show such a speed all the time. Chosen by judgment.
-    queue = 0.0 if abs(log(decision.first_speed)) >= 0.05 else 2.5 * SECOND / receive
-    if abs(log(header / receive)) >= max(0.05, queue):
+    # stamps lag by what waited in a queue, unless the first messages show such a speed all the
+    # time. Chosen by judgment.
+    waited = 0.0 if abs(log(decision.first_speed)) >= 0.05 else LONGEST_QUEUE_NS
+    if abs(log(header / receive)) >= max(0.05, waited / min(header, receive)):
         yield finding('clock_speed', ratio=header / receive)
 
 

@@ -394,6 +394,19 @@ def test_messages_that_all_waited_in_a_queue_make_no_clock_wrong():
     assert 'clock_speed' not in codes(run(messages.block())[0])
 
 
+@pytest.mark.parametrize(('first', 'by_header_s', 'by_receive_s'), [
+    (3000, 0, 3600), (1500, 0, 30), (2000, 0, -10), (2500, -10, -10), (1000, 3e8, 3e8),
+    (2995, -30, 0), (2995, 0, 3600), (0, 0, 0)])
+@pytest.mark.parametrize('queue_s', [0, 15])
+def test_a_step_of_a_clock_or_what_waited_at_the_start_makes_no_clock_fast_or_slow(
+        first, by_header_s, by_receive_s, queue_s):
+    messages, _, _ = rest(100, 60)
+    messages.receive = np.maximum(messages.receive, queue_s + 1e-6 * messages.place)
+    messages.header[first:] += by_header_s
+    messages.receive[first:] += by_receive_s
+    assert 'clock_speed' not in codes(run(messages.block())[0])
+
+
 def numbers(result, axes):
     return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
             if name.startswith(axes)]

@@ -214,6 +214,21 @@ def test_a_step_of_one_clock_begins_a_new_run_and_one_of_both_is_a_gap(step_s, o
     assert [one.first_index for one in even if one.new_run] == [0, 7000][:2 - of_both]
 
 
+def test_a_step_of_some_seconds_of_a_slow_sensor_is_no_gap():
+    block = still(1200, 20.0)
+    block.header_ns[500:] += 6 * 10**9
+    summary, _ = run(block)
+    assert [one.values for one in summary.remarks] == [{'clock': 'header', 'count': 1}]
+    assert (summary.timeline.missing, summary.timeline.gaps) == (0, ())
+
+
+def test_where_samples_are_counted_a_sensor_freezes_by_their_number():
+    block = still(6000)
+    block.samples[4200:] = block.samples[4200]
+    summary, _ = run(block, rate_hz=50.0, force_rate=True)
+    assert said(summary, 'frozen').values['since_s'] == pytest.approx(84.0, abs=0.03)
+
+
 def test_a_single_stamp_far_back_is_left_out_and_one_far_ahead_is_a_run_of_its_own():
     block = still(12_000)
     block.header_ns[[3000, 9000]] = START_NS + 10**17, 0
