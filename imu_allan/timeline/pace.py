@@ -82,14 +82,15 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     else:
         grid = _on_grid(time, steps, overall)
     beat = grid is not None and _is_beat(time, grid)
-    if grid is None or beat or _is_tick(stamps, steps, grid.interval_ns):
+    ticks = grid is not None and _in_ticks(stamps, grid.interval_ns)
+    if grid is None or beat or (ticks and _take_turns(np.rint(steps / grid.interval_ns))):
         return replace(_on_a_line(time)[0], beat=beat)
     # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
     if grid.interval_ns < 0.37 * overall:
         # Too many places are empty to be interpolated.
         line, _ = _on_a_line(time)
         return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
-    return _grid_or_line(time, grid, other)
+    return _grid_or_line(time, grid, other, ticks)
 
 
 def _best_grid(time: Array, steps: Array, overall: float) -> Pace | None:
@@ -137,16 +138,31 @@ def pace_of_each(stamps: Stamps) -> Pace:
     return Pace(line.interval_ns, line.spread, counting=line.spread > 0.05)
 
 
-def _is_tick(stamps: Stamps, steps: Array, interval: float) -> bool:
-    """Return whether a grid only consists of the ticks of the clock, of 0.1, 1 or 10 ms."""
-    # If samples of such an interval were dropped in turn, some stamps would be one place apart.
+def _in_ticks(stamps: Stamps, interval: float) -> bool:
+    """Return whether all stamps lie on a grid of the ticks of a clock, of 0.1, 1 or 10 ms."""
     # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
     tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
                  if abs(interval / tick - 1) < 1e-3), None)
-    if tick is None or np.any(stamps % tick):
-        return False
-    fewest, most = np.percentile(np.rint(steps / interval), (1, 99))
+    # Equal stamps were separated by a nanosecond each.
+    return tick is not None and not np.any(stamps % tick >= _GROUP)
+
+
+def _take_turns(steps: Array) -> bool:
+    """Return whether steps on a grid of ticks are those of exact stamps at an even interval."""
+    # If samples of such an interval were dropped in turn, some stamps would be one place apart.
+    fewest, most = np.percentile(steps, (1, 99))
     return bool(fewest >= 2 and most == fewest + 1)
+
+
+def _vary_little(steps: Array) -> bool:
+    """Return whether steps vary less than after random losses, but not as after regular ones."""
+    # The number of places to the next message is distributed geometrically if each is lost by
+    # chance, and varies more if losses come in bursts.
+    mean = float(steps.mean())
+    if steps.var() > (0.8 - 4 / sqrt(len(steps))) * mean * (mean - 1):
+        return False
+    long = steps > np.floor(mean)
+    return all(_repeats(long, turn) < 0.8 for turn in range(2, 20))
 
 
 def _is_beat(time: Array, grid: Pace) -> bool:
@@ -213,7 +229,7 @@ def _in_batches(time: Array, begins: Bools) -> Pace | None:
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
 
 
-def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
+def _grid_or_line(time: Array, grid: Pace, other: Stamps | None, ticks: bool) -> Pace:
     """Decide whether samples that are missing on the grid are truly lost, and return the pace."""
     steps = np.rint(np.diff(time) / grid.interval_ns)
     short = steps < PHASE_GROUP
@@ -230,6 +246,10 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
+    # Late stamps in ticks fit their grid as well as exact ones, and ticks of both clocks coincide.
+    if (ticks and (other is None or _in_ticks(other, grid.interval_ns))
+            and _vary_little(steps)):
+        return line
     # A timer that finds a sample only at every second or third reading shows time passing on both
     # clocks. Of messages dropped in turn, two would sometimes be neighbours.
     truly = (None if other is None or np.percentile(steps, 1) > 1 else

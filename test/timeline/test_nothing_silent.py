@@ -201,6 +201,21 @@ def test_rate_and_losses_are_right_whatever_the_stamps(rate_hz, duration_s, rel,
     assert run(cut(kept.block(), range(0, len(kept.place), 997)))[0] == summary
 
 
+@pytest.mark.parametrize(('rate_hz', 'lost'), [
+    (416.0, 0), (666.0, 0), (1000.0, 0.1), (1000.0, 0.5)])
+def test_late_stamps_in_whole_milliseconds_leave_the_rate_right(rate_hz, lost):
+    messages, truth, rng = rest(rate_hz, 10)
+    late = np.maximum.accumulate(
+        messages.header + rng.exponential(0 if lost else 2e-4, len(messages.place)))
+    since = scenarios.START_NS % 10**6 / 1e9
+    header = np.floor((late + since) * 1e3 + 1e-3) / 1e3 - since
+    kept = lose(one_clock(replace(messages, header=header)), lost, rng)
+    timeline = run(kept.block())[0].timeline
+    assert timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    # Some of those that are late share their stamp with the one before.
+    assert timeline.missing == pytest.approx(missed(kept) + timeline.duplicates, abs=10)
+
+
 @pytest.mark.parametrize(('share', 'where', 'axes'), [
     (0.2, 'start', 3), (0.3, 'middle', 3), slow(0.6, 'end', 3), (0.3, 'end', 1)])
 def test_a_frozen_sensor_is_left_out_and_reported(share, where, axes):
@@ -404,6 +419,12 @@ def test_a_step_of_a_clock_or_what_waited_at_the_start_makes_no_clock_fast_or_sl
     messages.receive = np.maximum(messages.receive, queue_s + 1e-6 * messages.place)
     messages.header[first:] += by_header_s
     messages.receive[first:] += by_receive_s
+    assert 'clock_speed' not in codes(run(messages.block())[0])
+
+
+def test_a_clock_that_begins_anew_in_a_short_recording_is_not_slow():
+    messages, _, _ = rest(1000, 5)
+    messages.header[2400:] -= messages.header[2400]
     assert 'clock_speed' not in codes(run(messages.block())[0])
 
 
