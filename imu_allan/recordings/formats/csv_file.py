@@ -83,6 +83,9 @@ class CsvRecording(FileRecording):
         elif topic != NO_TOPIC and columns.temperature is not None:
             # A slow temperature sensor leaves most of its cells empty; such rows are skipped.
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
+        if columns.unit_assumed and topic in self.by_name and any(
+                axis < 3 for _, axis, _ in columns.axes):
+            self.remark('unit_assumed')
         rejected = samples = 0
         first_rejected = ''
         line = self._first_line
@@ -230,8 +233,6 @@ class CsvRecording(FileRecording):
             # Ten names keep the remark to a line or two.
             self.remark('ignored_columns', count=len(cells),
                         columns=[printable(cell[:40]) for cell in cells[:10]])
-        if columns.unit_assumed:
-            self.remark('unit_assumed')
         axes = {axis for _, axis, _ in columns.axes}
         sensors = {axis // 3 for axis in axes}
         for axis, name in enumerate(AXES):
@@ -345,10 +346,10 @@ def _is_row(line: str, delimiter: str | None) -> bool:
 
 
 def _is_message(line: str, row: str) -> bool:
-    """Return whether the line above the first row names nothing, and has none of its marks."""
-    delimiter, cells = cells_of(line)
-    return not (names_column(line) or any(mark in line for mark in ',;\t|')
-                or len(cells) == len(_cells(row, delimiter)))
+    """Return whether a line above the first row of an IMU's numbers is a sentence, and no name."""
+    delimiter, cells = cells_of(row)
+    return (delimiter is not None and len(cells) >= 4 and len(_cells(line, delimiter)) == 1
+            and not names_column(line))
 
 
 def _column(rows: Sequence[Sequence[str]], column: int) -> list[str]:

@@ -25,15 +25,15 @@ _EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
 
-_CHIP = r'(?:lsm|ism|bm[ix]|bno|mpu|icm|iim|adis)\w*?'
+_MAKES = 'lsm|ism|bm[ix]|bno|mpu|icm|iim|adis'
 # Before the words may stand the path to a name, or the device it belongs to; a chip also behind.
 _AXES = [
     *((sensor, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
       for sensor, letter in (('gyro', '[gw]'), ('accel', 'a'))),
     *((sensor, re.compile(
-        rf'(?:.*[/.])?(?:(?:imu|sensor|{_CHIP})\d*[._/])?'
-        rf'(?:(?:{words})(?:_{_CHIP})?[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])'
-        rf'|([xyz])[._-]?(?:{words}))'))
+        rf'(?:.*[/.])?(?:(?:imu|sensor|(?:{_MAKES})\w*?)\d*[._/])?'
+        rf'(?:(?:{words})(?:_(?:{_MAKES})[a-z]*\d[a-z\d]*(?:_c)?(?=[/._-]))?'
+        rf'[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])|([xyz])[._-](?:{words}))'))
       for sensor, words in (
         ('gyro', r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
                  r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
@@ -199,7 +199,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     # Names of ROS imply rad/s (REP-103), as --columns does, and gyro_rad of PX4 says it.
     unit_assumed = options.gyro_unit is None and any(
         name.unit is None and str(name.meaning).startswith('gyro') and column not in chosen
-        and not re.search('angular_?velocity|rad', name.name.lower())
+        and not re.search('ang(?:ular)?_?vel|rad', name.name.lower())
         for column, name in enumerate(names) if column in of_axes)
     return Columns(delimiter, clock, tuple(axes), tuple(ignored), temperature, headless,
                    unit_assumed)
@@ -325,7 +325,7 @@ def _factor(name: Name, options: RecordingOptions) -> float:
     # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G, g-force).
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit)
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
-    if not is_gyro and re.fullmatch(r"g(?:'?s|[- ]?force)?", spelled.lower()):
+    if not is_gyro and re.fullmatch(r"g(?:'?s|[-*]?force)?", spelled.lower()):
         spelled = 'g'
     si_unit, other = (RAD_PER_S, 'deg/s') if is_gyro else (M_PER_S2, 'g')
     return _converted(name.name, spelled, si_unit, f'{name.meaning}=NAME {other}')

@@ -163,6 +163,15 @@ def test_a_gyroscope_without_a_unit_is_said_to_be_taken_as_rad_per_s(
     assert ('unit_assumed' in {remark.code for remark in remarks}) is assumed
 
 
+def test_an_accelerometer_on_rows_of_its_own_has_no_unit_of_a_gyroscope(path):
+    path.write_text('t,gx,ax\n' + ''.join(f'0.{n}0,1,\n0.{n}5,,9.8\n' for n in range(10, 50)))
+    for topic, assumed in (('accel columns', False), ('gyro columns', True)):
+        with open_recording(path) as recording:
+            list(read_blocks(recording, topic))
+            codes = {remark.code for remark in recording.remarks}
+        assert ('unit_assumed' in codes) is assumed
+
+
 def table(header, row, mark=','):
     """Return a table of 30 rows, each made of its number and the three values."""
     lines = [mark.join(row(place, map(str, values))) for place, values in enumerate(ROWS.tolist())]
@@ -189,12 +198,19 @@ EIGHT_FIELDS = (
 @pytest.mark.parametrize(('text', 'reason'), [
     ('gyro_z\n1\n', NO_TIME), ('SampleTimeFine\tGyr_X\n\t1\n\t2\n', NO_TIME),
     ('sep=,\nroll,pitch\n4,5\n', no_axes('roll,pitch')),
+    # A table of something else, which is left out of a folder of recordings
+    ('Battery level\n98\n97\n', no_axes('Battery,level')),
+    ('Temperatures\n0.0,25.1,26\n', no_axes('Temperatures')),
+    ('accel_bmi160_fifo_index,gyro_bmi160_hz\n1,2\n',
+     no_axes('accel_bmi160_fifo_index,gyro_bmi160_hz')),
+    ('gyro_mpu6050_dps_x,gyro_bmi_temp_x,xgyro\n1,2,3\n',
+     no_axes('gyro_mpu6050_dps_x,gyro_bmi_temp_x,xgyro')),
     ('\n' * 200 + 'time_s,gyro_x\n0,1\n', no_axes('')),
     *((f'{above}1.7e18,0.1,-0.2,0.3,imu,9.8\n',
-      'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
-      'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
-      "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
-      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
+       'no line names the 6 columns. Say what they are, such as --columns gyro_x=1,gyro_y=2,'
+       'gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
+       "order, with units as in 'time=1 us,gyro_x=2 deg/s'. Or write a first line such as "
+       'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
       for above in ('', 'Ready.\nDevice with address a0 found\n')),
     *((f'time_s,gyro_x\n{blank}', 'no line of samples below the names of the columns')
       for blank in ('', '\n', ' \n\n')),
@@ -355,7 +371,7 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     ('LSM6DSOX_GYR_x_dps,LSM6DSOX_GYR_y_dps,LSM6DSOX_GYR_z_dps,Acc. X,Acc. Y,Acc. Z',
      (pi / 180, 1.0)),
     # The axis may come first, or the chip behind the sensor.
-    ('Xgyro [dps],Ygyro [dps],Zgyro [dps],xAccel (g-force),yAccel (G),Zaccl (gs)',
+    ('X.gyro [dps],Y-gyro [dps],z_gyro [dps],x_accel (g-force),y_accel (G),z_accel (g force)',
      (pi / 180, 9.80665)),
     ('gyro_icm20948_x,gyro_icm20948_y,gyro_icm20948_z,acc_bmi270.x,acc_bmi270.y,acc_bmi270.z',
      (1.0, 1.0)),
@@ -420,11 +436,12 @@ def test_a_column_that_is_not_read_is_not_said_to_name_no_axis(path):
         *(f'{above}2500,imu,90,1\n3500,imu,180,2\n' for above in (
             'a,b,c,d\n', 'Device,A\na,b,c,d\n', 'Device found\n')))),
     *((text, {'gyro_x': 'w0', 'time': 'time'}, [1, 2], {0: [2, 3]}) for text in (
-        '# time w0 w1\n1 2 3\n2 3 4\n', '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
+        '# time w0 w1\n1 2 3\n2 3 4\n', 'time w0 w1 note\n1 2 3\n2 3 4\n',
+        '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n')),
     # Without names the first sample is none of them.
     ('\ufeff0;1,5\n0,1;1,6\n', {'time': '1', 'gyro_x': '2'}, [0, 0.1], {0: [1.5, 1.6]}),
 ], ids=['names', 'blanks', 'numbers of named columns', 'below a device',
-        'below a message', 'comment and blanks', 'two comments',
+        'below a message', 'comment and blanks', 'a column without cells', 'two comments',
         'mark and decimal commas'])
 def test_columns_of_any_name_can_be_named_or_numbered(path, text, columns, seconds, samples):
     messages, remarks = read_text(path, text, options=named(**columns))
