@@ -203,7 +203,7 @@ class Periodogram(MultiAxis):
 
     @property
     def ends(self) -> Ints:
-        """Samples of the record up to the end of each cell of the series, shape (cells,)."""
+        """Return the samples up to the end of each cell of the series, shape (cells,)."""
         # Counted from the end, as a very long record of short runs may have dropped its oldest
         # cells.
         counts = self.series.counts
