@@ -111,7 +111,7 @@ def hidden(result: Result, axis: str, key: str, limit: float) -> str | None:
     """Return why no record shows whether a noise term keeps its limit (SI), or None."""
     if key not in TERMS or axis not in result.axes:
         return None
-    return unreliable(result, axis) or hidden_by_steps(result.axes[axis], key, limit)
+    return unreliable(result, axis) or _hidden_by_steps(result.axes[axis], key, limit)
 
 
 def coefficient(axis: AxisResult, key: str) -> Measured:
@@ -178,7 +178,7 @@ def _magnitude(interval: Interval) -> Interval:
 # around zero, which hides twice as much.
 
 
-def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
+def _hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
     """Return why the steps of the output are too coarse to test a limit (SI), or None."""
     ratio = _steps_of_noise(axis)
     # Within two steps of zero, the mean of a truncated axis is inside the cell of double width.

@@ -58,7 +58,8 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     """
     groups = joined_groups([one.record.groups() for one in records if one.record is not None])
     [posterior] = posteriors([groups], dt)
-    # Noise that changes within a record is as uncertain over all of them.
+    # Noise that changes within a record is as uncertain over all of them. Where none is known to
+    # change, it is that of the record which is least likely to be steady.
     change = max((one.change for one in records), key=lambda one: (one.typical, -one.weight[0]))
     report = reported(replace(posterior, change=change), dt)
     walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable

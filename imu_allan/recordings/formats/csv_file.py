@@ -403,7 +403,7 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[Sequence
                             f'none can be recognized by its name; {advice}')
 
 
-def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None, name: str,
+def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None, name: str
                ) -> Clock | None:
     """Infer the unit of times or raise an error; return None if the given rate is used instead."""
     if clock.unit:

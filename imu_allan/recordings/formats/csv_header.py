@@ -25,14 +25,14 @@ _EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 QUOTES = ' \t\r\n"'
 """Characters that may surround the text of a cell."""
 
-_MAKES = 'lsm|ism|bm[ix]|bno|mpu|icm|iim|adis'
+_CHIPS = 'lsm|ism|bm[ix]|bno|mpu|icm|iim|adis'
 # Before the words may stand the path to a name, or the device it belongs to; a chip also behind.
 _AXES = [
     *((sensor, re.compile(rf'(?:(?:.*[/.])?imu\d*[._/])?{letter}[._]?([xyz])'))
       for sensor, letter in (('gyro', '[gw]'), ('accel', 'a'))),
     *((sensor, re.compile(
-        rf'(?:.*[/.])?(?:(?:imu|sensor|(?:{_MAKES})\w*?)\d*[._/])?'
-        rf'(?:(?:{words})(?:_(?:{_MAKES})[a-z]*\d[a-z\d]*(?:_c)?(?=[/._-]))?'
+        rf'(?:.*[/.])?(?:(?:imu|sensor|(?:{_CHIPS})\w*?)\d*[._/])?'
+        rf'(?:(?:{words})(?:_(?:{_CHIPS})[a-z]*\d[a-z\d]*(?:_c)?(?=[/._-]))?'
         rf'[/._-]{{0,2}}(?:([xyz])|\[([0-2])\])|([xyz])[._-](?:{words}))'))
       for sensor, words in (
         ('gyro', r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
