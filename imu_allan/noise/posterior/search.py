@@ -78,11 +78,12 @@ def search_models(spectra: Spectra, starts: Sequence[Start]) -> Rows:
     kept = 12.0
     fast = best_of(spectra, maximised(
         {axis: _fast_ends(spectra, axis, starts[axis]) for axis in axes}), kept, 12)
-    # Output noise after a filter, where the best model has an unexplained top.
+    # Output noise after a filter, where the top lies below what a filter may have passed
+    passed = spectra.nu >= np.exp(spectra.tables.low_pass.first.min())
     with_output = {axis: _filtered(
         spectra, axis, starts[axis], (N, B, K, OUTPUT, LOW),
         {OUTPUT: _amplitude_at_top(spectra, axis, OUTPUT)})
-        for axis in axes if of_axis(fast, axis).edge[0] < len(spectra.frequency)}
+        for axis in axes if starts[axis].white[-1] < 0.5 * starts[axis].white[passed].max()}
     if with_output:
         fast = best_of(spectra, Rows.joined([fast, maximised(with_output)]), kept, 12)
     ends = [_distinct_ends(of_axis(fast, axis)) for axis in axes]
