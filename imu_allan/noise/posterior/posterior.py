@@ -105,6 +105,8 @@ def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpec
     fitted = Fitted(spectra, rows, np.array(axes), [()] * len(axes), groups)
     if records and (more := fit_trends(spectra, starts, rows, records, bank or Bank(records[0]))):
         fitted = fitted.joined(more)
+    # What the whole spectrum refutes must not return when a part of it counts less.
+    fitted = fitted.near_best()
     best = [fitted.rows.take(fitted.row_axis == axis).best() for axis in axes]
     goodness = [goodness_of_fit(fitted.spectra, row) for row in best]
     models = _drawn(_refitted(fitted, [own.divisors for own in goodness]), axes)
@@ -131,10 +133,10 @@ def _refitted(fitted: Fitted, divisors: Sequence[Array]) -> Fitted:
 
 def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
     """Draw from all models of each axis near its best, in one batch."""
-    spectra, evidence = fitted.spectra, fitted.rows.evidence
-    best, total = (np.array([measure(evidence[fitted.row_axis == axis]) for axis in axes])
-                   for measure in (np.max, np.logaddexp.reduce))
-    rows = best_of(spectra, fitted.rows.take(evidence > best[fitted.row_axis] - KEPT), KEPT, 10)
+    near, spectra = fitted.near_best(), fitted.spectra
+    total = np.array([np.logaddexp.reduce(near.rows.evidence[near.row_axis == axis])
+                      for axis in axes])
+    rows = best_of(spectra, near.rows, KEPT, 10)
     row_axis = fitted.spectrum_axis[rows.spectrum]
     # Draw most from the models of the largest weight, which set the interval ends.
     weights = np.exp(rows.evidence - total[row_axis])

@@ -17,7 +17,7 @@ from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.evidence import maximise_rows
 from imu_allan.noise.posterior.likelihood import B, K, N, PROCESS, Rows, Spectra, TIME
 from imu_allan.noise.posterior.prepared_spectra import Start
-from imu_allan.noise.posterior.search import FAST, Model, of_axis, rows_of
+from imu_allan.noise.posterior.search import FAST, KEPT, Model, of_axis, rows_of
 from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.gains import AxisBank, Bank, largest, SLOWEST, Whitened
 from imu_allan.noise.trends.kinds import Found, waveforms
@@ -55,6 +55,13 @@ class Fitted:
     def row_axis(self) -> Ints:
         """Return the axis of each row."""
         return self.spectrum_axis[self.rows.spectrum]
+
+    def near_best(self) -> 'Fitted':
+        """Return the models of each axis near its best."""
+        evidence, axis = self.rows.evidence, self.row_axis
+        best = np.full(int(axis.max()) + 1, -np.inf)
+        np.maximum.at(best, axis, evidence)
+        return replace(self, rows=self.rows.take(evidence > best[axis] - KEPT))
 
     def joined(self, others: Sequence['Fitted']) -> 'Fitted':
         """Join fits of the same spectra with other trends."""
