@@ -54,6 +54,30 @@ def test_the_noise_density_behind_the_windows_of_converters(kernel, samples, few
     assert np.median([one.ci95[1] / one.ci95[0] for one in found]) < widest
 
 
+@pytest.mark.parametrize(('rounding', 'samples', 'fewest'), [
+    (1e-4, 6_000, 7), (3e-4, 60_000, 7)])
+def test_rounding_behind_a_slow_filter_is_not_the_noise_of_the_sensor(rounding, samples, fewest):
+    """It passed for white noise beside flicker or a process: N was a tenth, or a third."""
+    rows = lfilter([0.03], [1, -0.97], [simulate({N: 1e-4, B: 5e-5}, samples, RATE_HZ, seed)
+                                        for seed in range(8)])
+    rows += rounding * np.random.default_rng(1).standard_normal(rows.shape)
+    found = [axis.coefficients[N] for axis in several(rows, RATE_HZ)]
+    assert sum(one.observable for one in found) >= fewest
+    assert all(ends(one)[1] > 1e-4 for one in found)
+    assert np.median([one.value for one in found if one.observable]) < 1.2e-4
+
+
+def test_refuted_flicker_does_not_return_where_a_filtered_spectrum_counts_less():
+    """N was below a quarter of the truth, and flicker three times too strong."""
+    generator = np.random.default_rng(3)
+    white = np.stack([np.convolve(generator.standard_normal(6_031), np.full(32, 1e-3 / 32), 'valid')
+                      for _ in range(8)])
+    flicker = np.stack([simulate({B: 5e-5}, 6_000, RATE_HZ, seed) for seed in range(8)])
+    found = [axis.coefficients for axis in several(white + flicker, RATE_HZ)]
+    assert all(ends(one[N])[1] > 1e-4 for one in found)
+    assert sum(holds(one[B], 5e-5) for one in found) >= 6
+
+
 def test_flat_noise_behind_an_unlisted_filter_is_no_power_law():
     """An exponent near 0 took the place of white noise: N was not visible, or a third of it."""
     white = [np.random.default_rng(seed).standard_normal(120_000) for seed in range(8)]
