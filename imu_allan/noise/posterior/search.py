@@ -78,12 +78,11 @@ def search_models(spectra: Spectra, starts: Sequence[Start]) -> Rows:
     kept = 12.0
     fast = best_of(spectra, maximised(
         {axis: _fast_ends(spectra, axis, starts[axis]) for axis in axes}), kept, 12)
-    # Output noise after a filter, where the top lies below what a filter may have passed
-    passed = spectra.nu >= np.exp(spectra.tables.low_pass.first.min())
+    # Output noise after a filter
     with_output = {axis: _filtered(
         spectra, axis, starts[axis], (N, B, K, OUTPUT, LOW),
         {OUTPUT: _amplitude_at_top(spectra, axis, OUTPUT)})
-        for axis in axes if starts[axis].white[-1] < 0.5 * starts[axis].white[passed].max()}
+        for axis in axes if _may_have_output_noise(spectra, starts[axis])}
     if with_output:
         fast = best_of(spectra, Rows.joined([fast, maximised(with_output)]), kept, 12)
     ends = [_distinct_ends(of_axis(fast, axis)) for axis in axes]
@@ -157,6 +156,14 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start) -> Iterator[Model]:
 def _amplitude_at_top(spectra: Spectra, axis: int, slot: int, share: float = 1.0) -> float:
     """Return the log amplitude of a term with a share of the power at the highest frequency."""
     return float(0.5 * np.log(share * spectra.power[axis, -1] / spectra.design[axis, slot, -1]))
+
+
+def _may_have_output_noise(spectra: Spectra, start: Start) -> bool:
+    """Return whether the level at the top is less than half of the mean level."""
+    # Rounding of more variance than what it rounds would be no noise: the output would stand still.
+    passed = spectra.nu >= np.exp(spectra.tables.low_pass.first.min())
+    mean = np.average(start.white[passed], weights=np.gradient(spectra.nu)[passed])
+    return bool(start.white[-1] < 0.5 * mean)
 
 
 def _white(spectra: Spectra, axis: int, start: Start, group: int) -> float:
