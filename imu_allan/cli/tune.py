@@ -55,9 +55,6 @@ def run(args: argparse.Namespace) -> int:
 
     if args.verify is None:
         arguments.refuse_reading_options(args, 'the recording that --verify names')
-    if args.coast < args.aiding:
-        raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
-                            's: a filter is unaided for at least one interval')
     result = load_result(args.result)
     axes = tuning_table.known_axes(result)
     # A recording that cannot be read is reported before anything is printed.

@@ -390,7 +390,7 @@ def _times(aiding_s: float, coast_s: float, time_s: float | None
     aiding_s = positive_time('aiding_interval_s', aiding_s)
     coast_s = positive_time('coast_s', coast_s)
     if coast_s < aiding_s:
-        raise ImuAllanError(f'coast_s {coast_s:g} s is shorter than aiding_interval_s '
+        raise ImuAllanError(f'a coast of {coast_s:g} s is shorter than an aiding interval of '
                             f'{aiding_s:g} s: a filter is unaided for at least one interval')
     return (aiding_s, coast_s,
             None if time_s is None else positive_time('correlation_time_s', time_s))

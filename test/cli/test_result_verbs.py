@@ -311,7 +311,8 @@ def test_the_numbers_hold_on_their_own_recording(result_file, imu_recording, tmp
 
 @pytest.mark.parametrize(('options', 'seen'), [
     ('--aiding 10s --coast 1s',
-     '--coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least one interval'),
+     'a coast of 1 s is shorter than an aiding interval of 10 s: a filter is unaided for at least '
+     'one interval'),
     ('--verify {old}', '--verify {old}: is a result, without samples to run filters over; name '
      'the recording itself'),
     ('--verify nowhere', 'nowhere: no such file or directory')])
