@@ -78,8 +78,8 @@ def test_random_telegraph_noise_is_not_behind_a_filter():
 def test_refuted_flicker_does_not_return_where_a_filtered_spectrum_counts_less():
     """N was below a quarter of the truth, and flicker three times too strong."""
     generator = np.random.default_rng(3)
-    white = np.stack([np.convolve(generator.standard_normal(6_031), np.full(32, 1e-3 / 32), 'valid')
-                      for _ in range(8)])
+    white = np.stack([np.convolve(
+        generator.standard_normal(6_031), np.full(32, 1e-3 / 32), 'valid') for _ in range(8)])
     flicker = np.stack([simulate({B: 5e-5}, 6_000, RATE_HZ, seed) for seed in range(8)])
     found = [axis.coefficients for axis in several(white + flicker, RATE_HZ)]
     assert all(ends(one[N])[1] > 1e-4 for one in found)

@@ -20,8 +20,8 @@ from whole_lines import refused
 
 HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
 PROCESS = {'processes': ((5e-4, 40.0),)}
-SHORTER = ('a coast of 0.5 s is shorter than an aiding interval of 1 s: a filter is unaided for at '
-           'least one interval')
+SHORTER = ('a coast of 0.5 s is shorter than an aiding interval of 1 s: a filter is unaided for '
+           'at least one interval')
 
 
 def one(value):

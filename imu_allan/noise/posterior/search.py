@@ -160,7 +160,8 @@ def _amplitude_at_top(spectra: Spectra, axis: int, slot: int, share: float = 1.0
 
 def _may_have_output_noise(spectra: Spectra, start: Start) -> bool:
     """Return whether the level at the top is less than half of the mean level."""
-    # Rounding of more variance than what it rounds would be no noise: the output would stand still.
+    # With more variance than what it rounds, rounding would be no noise: the output would stand
+    # still.
     passed = spectra.nu >= np.exp(spectra.tables.low_pass.first.min())
     mean = np.average(start.white[passed], weights=np.gradient(spectra.nu)[passed])
     return bool(start.white[-1] < 0.5 * mean)
