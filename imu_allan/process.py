@@ -36,6 +36,15 @@ def start_quickly() -> None:
     atexit.register(gc.freeze)
 
 
+def open_closed_streams() -> None:
+    """Let what goes to a closed standard stream (>&-, 2>&-) vanish."""
+    # Python has None in its place. The system would give its number to the next file or socket
+    # that is opened, and what libraries write to standard error would go there.
+    for name, mode in (('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w')):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: PTH123, SIM115
+
+
 def use_one_thread() -> None:
     """
     Limit OpenBLAS to one thread unless the user sets a number; call it before importing numpy.

@@ -135,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
     except ImuAllanError as error:
         gathering.complaints.append(error)
     if shown and args.output is args.json is None and not args.consumers:
-        print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
+        print_wrapped('Nothing is saved: --output DIR keeps result, report, plot and curve.')
     raise_last(gathering.complaints)
     return 0
 

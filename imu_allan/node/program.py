@@ -13,7 +13,7 @@ import sys
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.process import start_quickly
+from imu_allan.process import open_closed_streams, start_quickly
 
 
 class StopRequest:
@@ -29,6 +29,7 @@ class StopRequest:
 def run_program(program: str, node_class: str, args: Sequence[str] | None = None) -> int:
     """Run a node between the start and the shutdown of rclpy; return the exit status."""
     start_quickly()
+    open_closed_streams()
     given = list(sys.argv[1:] if args is None else args)
     if given and given[0] in ('-h', '--help'):
         print(f'usage: {program} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]',

@@ -178,6 +178,16 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(recording, words):
     assert process.returncode == 141
 
 
+@pytest.mark.parametrize(('closed', 'silent'), [
+    ('>&-', True), ('2>&-', False), ('<&- >&- 2>&-', True)])
+def test_what_goes_to_a_closed_standard_stream_vanishes(recording, tmp_path, closed, silent):
+    for words in (['info', '.'], ['analyze', '.', '--output', str(tmp_path / 'results')]):
+        done = subprocess.run(['sh', '-c', f'"$@" {closed}', 'sh', *COMMAND, *words],
+                              cwd=recording, capture_output=True, check=False)
+        assert (done.returncode, done.stderr, done.stdout == b'') == (0, b'', silent)
+    assert (tmp_path / 'results' / 'result.json').is_file()
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_command_without_a_word_and_leaves_nothing_behind(tmp_path, number):
     pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
