@@ -87,8 +87,9 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
     # Begin at a millionth of the scatter of the measured values, with 14 spreads per decade.
     spreads = scatter * np.geomspace(1e-6, 10.0, 97)
-    best = int(np.argmin([loss(spread) for spread in spreads]))
-    # A best spread at the lower end of the grid counts as zero.
+    # Losses that differ by rounding alone are equal, and the smallest of their spreads is taken. A
+    # best spread at the lower end of the grid counts as zero.
+    best = int(np.argmin(np.round([loss(spread) for spread in spreads], 9)))
     spread = 0.0
     if best > 0:
         from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import

@@ -91,6 +91,10 @@ def test_where_measuring_is_exact_the_spread_is_that_of_the_sample():
 def test_scatter_that_measuring_explains_is_no_spread_but_leaves_one_possible(scale):
     wide = random_effects(np.array([-1.0, 1.0, -1.0, 1.0, 0.0]) * scale, np.full(5, 2.0 * scale))
     assert wide.between == wide.between_ci95[0] == 0.0
+    # So close together that the likelihood of all small spreads is the same but for rounding.
+    for values in ([1.0, 1.001, 1.002], [1.0, 1.0004, 1.0005]):
+        close = random_effects(scale * np.array(values), scale * np.array([0.1, 0.11, 0.1]))
+        assert close.between == 0.0
     effects = random_effects(scale * np.array([1.0, 1.01, 0.99, 1.0, 1.005]),
                              np.full(5, 0.1 * scale))
     assert effects.between == 0.0
