@@ -55,6 +55,8 @@ class Measured:
         95 % upper bound if there is no value.
     undecided : str or None
         Why value and bound are unreliable, or why there is none.
+    remedy : str
+        What makes the interval narrower.
 
     """
 
@@ -62,6 +64,7 @@ class Measured:
     ci95: Interval | None = None
     upper95: float | None = None
     undecided: str | None = None
+    remedy: str = 'record for longer'
 
 
 def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
@@ -158,7 +161,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         # Spread of the mean from one power-on to the next.
         spread = result.turn_on_bias.get(axis)
         if spread is not None:
-            return Measured(spread.sigma, spread.ci95)
+            return Measured(spread.sigma, spread.ci95, remedy='record more power-ons')
         return Measured(undecided='one power-on does not show it; analyze several recordings '
                                   'with --together')
     if found.trend is not None and (trend := found.trend.temperature) is not None:
@@ -306,7 +309,7 @@ def _decide(measured: Measured, limit: float, shown: str, fault: str | None
         return 'pass', f'the 95 % interval is below {shown}'
     if low > limit:
         return 'fail', f'the 95 % interval is above {shown}'
-    return 'cannot tell', f'the 95 % interval reaches across {shown}; record for longer'
+    return 'cannot tell', f'the 95 % interval reaches across {shown}; {measured.remedy}'
 
 
 @dataclass(frozen=True)

@@ -459,8 +459,8 @@ WORDS: Mapping[str, Words] = {
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next.',
         'Means of the recordings differ by more than they drift in one.',
-        says='the mean differs from recording to recording by {sigma:3 in {unit}} beyond what it '
-             'drifts in one ({sigma_low:3 in {unit}} to {sigma_high:3 in {unit}})'),
+        says='the mean differs between recordings by {sigma:3 in {unit}} beyond its drift in '
+             'one (95 % interval {sigma_low:least 3 in {unit}} to {sigma_high:most 3 in {unit}})'),
     # what was done about it
     'motion': Words(
         'motion', 'Motion and knocks are left out.', 'The noise rises for a moment.',
