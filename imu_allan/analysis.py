@@ -234,10 +234,16 @@ def growing(recording: Recording, choice: Choice, next_look: Callable[[int], int
     yield halves
 
 
-def records_of(recording: Recording, choice: Choice, progress: Progress) -> list[FinishedRecord]:
-    """Return the data at rest of a recording, for each half of an IMU that has two."""
-    taken = _taken(recording, choice, progress)
-    return [record for one in taken if (record := one.characterization.record()) is not None]
+def with_records(recording: Recording, choice: Choice, progress: Progress
+                 ) -> tuple[Result, list[FinishedRecord]]:
+    """Return the result of a recording, and its data at rest for each half of an IMU of two."""
+    from imu_allan.characterization.join_results import united
+    from imu_allan.finding_messages import with_words
+
+    found = [one.characterization.fitted(one.remarks())
+             for one in _taken(recording, choice, progress)]
+    return (with_words(united([result for result, _ in found])),
+            [record for _, record in found if record is not None])
 
 
 def _taken(recording: Recording, choice: Choice, progress: Progress,

@@ -14,7 +14,7 @@ from imu_allan.writers.atomic import TUNING
 from imu_allan.writers.terminal import console_of, progress_bar, wrapped
 
 if TYPE_CHECKING:
-    from imu_allan.result import AxisResult
+    from imu_allan.result import AxisResult, Result
     from imu_allan.tuning.backtest import FieldTest
 
 
@@ -49,8 +49,10 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables, and write the requested files."""
+    from imu_allan.recordings.repeated_messages import files_digest
     from imu_allan.writers import tuning_table
     from imu_allan.writers.atomic import write_atomically
+    from imu_allan.writers.key_figures import verdict_lines
     from imu_allan.writers.result_files import load_result
 
     if args.verify is None:
@@ -58,29 +60,36 @@ def run(args: argparse.Namespace) -> int:
     result = load_result(args.result)
     axes = tuning_table.known_axes(result)
     # A recording that cannot be read is reported before anything is printed.
-    tested = {} if args.verify is None else _tested(args, axes)
+    other, tested = (None, {}) if args.verify is None else _tested(args, axes)
     console = console_of()
     console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias), '',
                   tuning_table.forecast_table(result),
                   *wrapped(tuning_table.sentences(result, args.coast), console.width), sep='\n')
-    if tested:
-        console.print('', tuning_table.field_test_table(
+    if other is not None:
+        # Units, dead axes or too little rest of the other recording explain what follows.
+        said = [f'{printable(args.verify)} by itself. {line}' for line in verdict_lines(other)]
+        if files_digest(args.verify) == result.source.files is not None:
+            said.append('The numbers are from this very recording, which cannot show whether they '
+                        'hold in another.')
+        console.print('', *wrapped(said, console.width), '', tuning_table.field_test_table(
             tested, printable(args.verify), args.bias), sep='\n')
     sys.stdout.flush()
     if args.json is not None:
         document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias)
-        if tested:
+        if other is not None:
             document['verification'] = {
-                'other': printable(args.verify),
+                'other': printable(args.verify), 'warnings': other.to_dict()['warnings'],
                 'axes': tuning_table.field_test_document(tested, args.bias)}
         write_atomically(args.json, (json.dumps(document, indent=2, allow_nan=False)
                                      + '\n').encode())
     return 0
 
 
-def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict[str, FieldTest]':
-    """Run filters with the numbers of some axes over the other recording."""
-    from imu_allan.analysis import Choice, records_of
+def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]'
+            ) -> 'tuple[Result, dict[str, FieldTest]]':
+    """Return the result of the other recording, and how filters with the numbers do in it."""
+    from imu_allan.analysis import Choice, with_records
+    from imu_allan.noise.terms import AXES
     from imu_allan.timeline import TimelineOptions
     from imu_allan.tuning.backtest import field_test
     from imu_allan.writers.result_files import is_result
@@ -92,7 +101,7 @@ def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict
                     arguments.recording_options(args))
     with choice.opened(args.verify) as recording, progress_bar(
             args.verify, recording.size_bytes, wanted=not args.no_progress) as progress:
-        records = records_of(recording, choice, progress)
+        result, records = with_records(recording, choice, progress)
     tested: dict[str, FieldTest] = {}
     for record in records:
         for group in record.groups:
@@ -101,4 +110,4 @@ def _tested(args: argparse.Namespace, axes: 'Mapping[str, AxisResult]') -> 'dict
     if not tested:
         raise ImuAllanError(f'{args.verify}: no axis of the result has noise there, at rest for '
                             '20 s in a row: nothing to run a filter over')
-    return tested
+    return result, {name: tested[name] for name in AXES if name in tested}

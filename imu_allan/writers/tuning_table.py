@@ -183,29 +183,40 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> 
         value, (low, high) = found
         return f'{value:.3g}\n({number(low, 2)}-{number(high, 2)})'
 
-    first, second = next(iter(found.values())), 'K' if bias == 'random_walk' else 'sigma'
-    parts = ('in one part' if first.stops == 1
-             else f'in {first.stops} parts, in each of which the filter begins anew')
-    table = bare_table('axis', 'numbers',
-                       *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
-                       *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
+    second = 'K' if bias == 'random_walk' else 'sigma'
+    # Sensors of different rates, or of different times at rest, have tables of their own.
+    tables: dict[Any, dict[str, FieldTest]] = {}
     for name, one in found.items():
-        factor, unit = engineering(1.0, AXES[name].unit)
-        for what, met in ((TUNED, one.tuned), ('full model', one.full)):
-            table.add_row(
-                f'{spoken(name)}\n{unit}' if what == TUNED else '',
-                what, *(f'{row.nis:.3g}' for row in met.innovations),
-                *(f'{number(row.observed_rms * factor, 3)}\n'
-                  f'({number(low * factor, 2)}-{number(high * factor, 2)})'
-                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
-        cells = [''] * (len(one.tuned.innovations) + len(one.tuned.coasts))
-        cells[0] = factor_of(one.noise_factor)
-        if one.drift_factor is not None:
-            cells[-1] = factor_of(one.drift_factor)
-        table.add_row('', f'N, {second} times', *cells)
+        times = (*(row.interval_s for row in one.full.innovations),
+                 *(row.horizon_s for row in one.full.coasts))
+        tables.setdefault((one.tested_s, one.stops, times), {})[name] = one
+    shown: list[RenderableType] = []
+    for axes in tables.values():
+        first = next(iter(axes.values()))
+        parts = ('in one part' if first.stops == 1
+                 else f'in {first.stops} parts, in each of which the filter begins anew')
+        table = bare_table('axis', 'numbers',
+                           *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
+                           *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
+        for name, one in axes.items():
+            factor, unit = engineering(1.0, AXES[name].unit)
+            for what, met in ((TUNED, one.tuned), ('full model', one.full)):
+                table.add_row(
+                    f'{spoken(name)}\n{unit}' if what == TUNED else '',
+                    what, *(f'{row.nis:.3g}' for row in met.innovations),
+                    *(f'{number(row.observed_rms * factor, 3)}\n'
+                      f'({number(low * factor, 2)}-{number(high * factor, 2)})'
+                      for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
+            cells = [''] * (len(one.tuned.innovations) + len(one.tuned.coasts))
+            cells[0] = factor_of(one.noise_factor)
+            if one.drift_factor is not None:
+                cells[-1] = factor_of(one.drift_factor)
+            table.add_row('', f'N, {second} times', *cells)
+        shown += [Text('')] if shown else []
+        shown += [Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest '
+                       f'in {other}, {parts}:'), table]
     return Group(
-        Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
-             f'{other}, {parts}:'), table,
+        *shown,
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
              'that time unaided. In brackets: where 95 % of such errors should lie if '

@@ -12,11 +12,14 @@ import xml.etree.ElementTree as ElementTree
 from exact_results import with_axes
 import imu_allan
 from imu_allan import datasheet
+from imu_allan.block import ImuBlock
 from imu_allan.finding import finding
+from imu_allan.recordings.write import write_recording
 from imu_allan.result import Inspection
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.result_files import load_result, save_result
 from imu_allan.writers.terminal import ProgressBar
+import numpy as np
 from on_terminal import assert_as_before
 from processes import python
 import pytest
@@ -299,7 +302,8 @@ def test_the_numbers_hold_on_their_own_recording(result_file, imu_recording, tmp
     out = output_of('tune', result_file, '--aiding', '1s', '--verify', imu_recording,
                     '--no-progress', '--json', path)
     for part in (f'\nFilters with these numbers, run over 5 min of rest in {imu_recording}, in '
-                 'one part:\n', 'off after ', 'N, K times'):
+                 'one part:\n', 'off after ', 'N, K times', '\nThe numbers are from this very '
+                 'recording, which cannot show whether they hold in another.\n'):
         assert part in out
     found = json.loads(path.read_text())['verification']
     assert found['other'] == str(imu_recording)
@@ -307,6 +311,26 @@ def test_the_numbers_hold_on_their_own_recording(result_file, imu_recording, tmp
         assert axis['stops'] == 1
         assert axis['full']['innovations'][0]['nis'] == pytest.approx(1, abs=0.4)
         assert axis['noise_factor'] == pytest.approx(1, abs=0.2)
+
+
+def test_what_is_wrong_with_the_other_recording_is_said_and_its_sensors_keep_their_own_times(
+        result_file, tmp_path, output_of, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    samples = np.random.default_rng(6).normal([0, 0, 0, 0, 0, 9.8], 0.02, (30_000, 6))
+    samples[:, 1] = 0.5
+    # The accelerometer has a third of the rate.
+    absent = np.stack([np.zeros(30_000, bool), np.arange(30_000) % 3 > 0], axis=1)
+    stamps = 1_800_000_000 * 10**9 + np.arange(30_000) * 10**7
+    write_recording('other', [ImuBlock(stamps, stamps, samples, absent, 'imu_link')])
+    out = output_of('tune', result_file, '--verify', 'other', '--no-progress', '--json', 'v.json')
+    lines = out.splitlines()
+    assert 'other by itself. Gyroscope: not usable: every sample is the same (y).' in lines
+    assert [line.split()[2:5] for line in lines if 'NIS ' in line and 'numbers' in line][2:] == [
+        ['NIS', '1.28', 's'], ['NIS', '960', 'ms']]
+    assert 'very recording' not in out
+    found = json.loads(Path('v.json').read_text())['verification']
+    assert list(found['axes']) == ['gyro_x', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
+    assert ['gyro_y'] in [one['axes'] for one in found['warnings']]
 
 
 @pytest.mark.parametrize(('options', 'seen'), [
