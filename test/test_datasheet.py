@@ -81,6 +81,10 @@ def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     (lambda r: replace(r, turn_on_bias={'gyro_x': schema.TurnOnBias(0.002, (0.001, 0.01))}),
      'gyro: {x: {turn_on_bias: 0.005 rad/s}}', 'cannot tell', 'gyro_x turn-on bias: the 95 % '
      'interval reaches across 0.005 rad/s; record more power-ons'),
+    # It was recorded, and changed.
+    (lambda r: replace(r, temperature=schema.Signal(60.0, *3 * [(20.0, None, 31.26)])),
+     'gyro: {x: {temperature_drift: 36 deg/h/K}}', 'cannot tell', 'gyro_x temperature drift: from '
+     '20.0 to 31.3 degrees Celsius no dependence shows; change it by more'),
     (lambda r: with_axes(r, 'gyro_x', goodness_of_fit=schema.GoodnessOfFit(1e-9, 0.8, False)),
      NOISE, 'cannot tell', 'gyro_x N: the noise model does not fit this axis'),
     (lambda r: replace(r, warnings=(finding('several_publishers'),)), NOISE, 'cannot tell',
