@@ -227,11 +227,12 @@ def why_left_out(axis: AxisResult) -> str:
 
 
 def _grouped(findings: Sequence[Finding]) -> list[Finding]:
-    """Merge findings that differ only in axis and numbers."""
+    """Merge findings that differ only in axis and numbers, though not in their signs."""
+    # A range from a negative to a positive number would hold zero, which no axis is near.
     groups: dict[str, list[Finding]] = {}
     for place, found in enumerate(findings):
         key = repr((found.code, found.severity, *(
-            (name, ... if _is_number(value) else value)
+            (name, value < 0 if _is_number(value) else value)
             for name, value in sorted(found.values.items()))))
         # A second one on the same axis stays apart.
         if len(found.axes) != 1 or any(one.axes == found.axes for one in groups.get(key, ())):

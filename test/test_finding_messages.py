@@ -182,6 +182,16 @@ def test_sentences_are_short_and_plain(code):
             assert len(sentence.split()) <= 25, sentence
 
 
+def test_numbers_of_both_signs_are_no_range():
+    # From -0.01 to 0.03 rad/s would hold zero.
+    found = for_display([
+        finding('warm_up', (axis,), amplitude=amplitude, unit='rad/s', time_constant_s=600.0,
+                exponentials=1, steady_after_s=1800.0)
+        for axis, amplitude in zip(ALL, (0.02, -0.01, 0.03), strict=True)])
+    assert [(one.axes, one.values['amplitude']) for one in found] == [
+        (('gyro_x', 'gyro_z'), [0.02, 0.03]), (('gyro_y',), -0.01)]
+
+
 def test_every_finding_is_said_as_it_was():
     assert {found.code for found in SAID} == set(WORDS)
     assert_as_before(''.join(f'{message_of(found)}\n' for found in SAID), 'snapshots/findings.txt')
