@@ -251,7 +251,8 @@ def _count_findings(counts: Counts, decision: Decision) -> Iterator[Finding]:
     if counts.other_frames:
         yield finding('several_frames', frame_id=decision.frame_id, others=[*counts.other_frames],
                       rejected=[*counts.other_frames.values()])
-    if counts.gravity_samples:
+    # An accelerometer that is all zeros is not there, which its axes say.
+    if any(counts.gravity):
         size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
         # Usual offsets are smaller; units of g or removed gravity differ far more. Chosen by
         # judgment.

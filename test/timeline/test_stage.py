@@ -416,6 +416,9 @@ def test_gravity_far_from_its_value_is_reported():
     assert run(block)[0].remarks == ()
     block.samples[:, 3:] += [-1.0, 0, 5 - 9.91]
     assert said(run(block)[0], 'gravity').values == {'mean': pytest.approx(5, abs=1e-2)}
+    # A gyroscope whose driver fills the rest of the message with zeros.
+    block.samples[:, 3:] = 0.0
+    assert not [one for one in run(block)[0].remarks if one.code == 'gravity']
 
 
 def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
