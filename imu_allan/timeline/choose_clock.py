@@ -151,9 +151,8 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
         decision.use_receive('too fast')
         return _pace_of(other, own, bursts=True)
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-    # A timer that reads a slower sensor reads both clocks. Ticks hide less than 30 % of the
-    # samples; beyond, the other clock shows no losses either.
-    if pace.hidden > 0.3 or pace.beat or (
+    # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
+    if pace.hidden > 0.3 or (
             not pace.counting and pace.spread < 0.05 and _is_full(own, pace.interval_ns)):
         return pace
     second = _pace_of(other, own, bursts=True)

@@ -9,15 +9,16 @@ On a *grid*, every stamp lies near a multiple of the interval, and a step of two
 lost sample. On a *line*, every message is one sample, however uneven its stamp. Such stamps come
 in ticks, in batches, or back-dated by a wrong interval, and only a lasting jump is a loss. Both
 can explain the same stamps: one in ten messages dropped looks like a tick of nine tenths of the
-interval. The other clock decides, since time passes on it, too, during a true loss. Without
-another clock, losses that come too regularly are not taken for losses.
+interval. Chance decides first: stamps stray ever further from a line if samples are lost at
+random, but not if they are rounded or late. If messages are dropped in turn, the other clock
+decides, since time passes on it, too, during a true loss.
 """
 
 from dataclasses import dataclass, replace
 from math import log, pi, sqrt
 
 from imu_allan.arrays import Array, Bools, Ints
-from imu_allan.timeline.stamps import off_a_line, Stamps
+from imu_allan.timeline.stamps import Stamps
 import numpy as np
 
 PHASE_GROUP = 64
@@ -50,7 +51,6 @@ class Pace:
     counting: bool = False
     # Share of all samples, lost ones included, that may be lost without showing in the stamps.
     hidden: float = 0.0
-    beat: bool = False  # whether stamps are those of a timer that reads a slower sensor
     messages: int = 0  # stamps from which the first pace of a recording was measured
 
     @property
@@ -81,16 +81,7 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
         grid = _best_grid(time, steps, overall)
     else:
         grid = _on_grid(time, steps, overall)
-    beat = grid is not None and _is_beat(time, grid)
-    ticks = grid is not None and _in_ticks(stamps, grid.interval_ns)
-    if grid is None or beat or (ticks and _take_turns(np.rint(steps / grid.interval_ns))):
-        return replace(_on_a_line(time)[0], beat=beat)
-    # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
-    if grid.interval_ns < 0.37 * overall:
-        # Too many places are empty to be interpolated.
-        line, _ = _on_a_line(time)
-        return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
-    return _grid_or_line(time, grid, other, ticks)
+    return _on_a_line(time)[0] if grid is None else _grid_or_line(time, grid, other)
 
 
 def _best_grid(time: Array, steps: Array, overall: float) -> Pace | None:
@@ -138,68 +129,34 @@ def pace_of_each(stamps: Stamps) -> Pace:
     return Pace(line.interval_ns, line.spread, counting=line.spread > 0.05)
 
 
-def _in_ticks(stamps: Stamps, interval: float) -> bool:
-    """Return whether all stamps lie on a grid of the ticks of a clock, of 0.1, 1 or 10 ms."""
-    # Driver clocks count tenths of a millisecond, milliseconds, or Linux jiffies.
-    tick = next((tick for tick in (100_000, 1_000_000, 10_000_000)
-                 if abs(interval / tick - 1) < 1e-3), None)
-    # Equal stamps were separated by a nanosecond each.
-    return tick is not None and not np.any(stamps % tick >= _GROUP)
+def _lost_by_chance(steps: Array) -> bool:
+    """Return whether random losses explain steps on a grid better than late stamps in ticks."""
+    # Whittle's likelihood of slow changes. Steps are independent if samples are lost at random:
+    # their power is the same at all frequencies, and known from their mean. That of lateness, and
+    # of ticks below their beat with the interval, grows with the square of the frequency.
+    n, mean = len(steps), float(steps.mean())
+    white = mean * (mean - 1)
+    count = max(min(n // 20, int(n * (mean - 1) / 2)), 4)
+    power = np.abs(np.fft.rfft(steps - mean)[1:count + 1]) ** 2 / n
+    late = np.geomspace(1e-4, 1e3, 40)[:, None] * (2 * pi * np.arange(1, len(power) + 1) / n) ** 2
+    # Of samples late in ticks, some may be lost, too: at most an eighth of the empty places.
+    chance, ticks = (float(np.sum(np.log(own + late) + power / (own + late), axis=1).min())
+                     for own in (white, white / 8))
+    # Before the stamps are seen, losses are twenty times as likely as ticks of that length.
+    return chance < ticks + log(20)
 
 
-def _take_turns(steps: Array) -> bool:
-    """Return whether steps on a grid of ticks are those of exact stamps at an even interval."""
-    # If samples of such an interval were dropped in turn, some stamps would be one place apart.
-    fewest, most = np.percentile(steps, (1, 99))
-    return bool(fewest >= 2 and most == fewest + 1)
-
-
-def _vary_little(steps: Array) -> bool:
-    """Return whether steps vary less than after random losses, but not as after regular ones."""
-    # The number of places to the next message is distributed geometrically if each is lost by
-    # chance, and varies more if losses come in bursts. Limits are chosen by judgment, on simulated
-    # losses and late stamps in ticks.
-    mean = float(steps.mean())
-    if steps.var() > (0.8 - 4 / sqrt(len(steps))) * mean * (mean - 1):
-        return False
-    long = steps > np.floor(mean)
-    return all(_repeats(long, turn) < 0.8 for turn in range(2, 20))
-
-
-def _is_beat(time: Array, grid: Pace) -> bool:
-    """Return whether the empty places of a grid are of a timer that reads a slower sensor."""
-    # Clocks that are read when the timer fires show that time, although no sample is lost. Stamps
-    # then stay within their lateness of a straight line, from which random losses stray by the
-    # root of their number.
-    steps = np.rint(np.diff(time) / grid.interval_ns).astype(np.int64)
-    lost = int(steps.sum()) - len(steps)
-    steps //= max(int(np.gcd.reduce(steps)), 1)
+def _repeat(steps: Array, share: float) -> bool:
+    """Return whether steps repeat after some turn, in this share of their variance."""
     long = steps > np.floor(steps.mean())
-    # Of later stamps than these, the losses of a sensor may look as regular. This and the other
-    # limits are chosen by judgment, on simulated timers and random faults.
-    if grid.spread > 0.13 or len(time) < 4 * _GROUP or min(
-            lost, int(np.count_nonzero(long))) < 2 * _FEW_LOSSES:
-        return False
-    places, limit = time / grid.interval_ns, 1.3
-    if grid.spread > 0.05:
-        places = np.median(places[:len(time) // _GROUP * _GROUP].reshape(-1, _GROUP), axis=1)
-        limit = min(1.3 + 40 * grid.spread, max(1.3, 0.25 * sqrt(lost)))
-    if np.ptp(off_a_line(places)) > limit:
-        return False
-    # A timer that reads a sensor of about its own rate finds several samples, or none.
-    if np.mean(steps == 0) > 0.1:
-        return True
-    # Messages dropped in turn repeat, unlike a beat of two frequencies.
-    apart = int(np.median(np.diff(np.flatnonzero(long))))
-    return all(_repeats(long, turn) < 0.8 - 3 * grid.spread for turn in {apart, *range(2, 20)})
-
-
-def _repeats(long: Bools, turn: int) -> float:
-    """Return the share of the variance that repeats after so many messages, within segments."""
-    rows = max(min(512, len(long)) // turn, 1) * turn
-    parts = long[:len(long) // rows * rows].reshape(-1, rows // turn, turn).astype(np.float64)
-    varies = float(parts.var(axis=(1, 2)).mean())
-    return float(parts.mean(axis=1).var(axis=1).mean()) / varies if varies else 1.0
+    apart = np.diff(np.flatnonzero(long), append=len(long))
+    for turn in (*range(2, 20), int(np.median(apart))):
+        # Within segments, most of which contain no outage.
+        rows = max(min(512, len(long) // 3) // turn, 1) * turn
+        parts = long[:len(long) // rows * rows].reshape(-1, rows // turn, turn).astype(np.float64)
+        if np.median(parts.mean(axis=1).var(axis=1) - share * parts.var(axis=(1, 2))) >= 0:
+            return True
+    return False
 
 
 def _in_batches(time: Array, begins: Bools) -> Pace | None:
@@ -230,12 +187,14 @@ def _in_batches(time: Array, begins: Bools) -> Pace | None:
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
 
 
-def _grid_or_line(time: Array, grid: Pace, other: Stamps | None, ticks: bool) -> Pace:
+def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     """Decide whether samples that are missing on the grid are truly lost, and return the pace."""
-    steps = np.rint(np.diff(time) / grid.interval_ns)
-    short = steps < PHASE_GROUP
-    lost = float(np.sum(steps[short & (steps > 1)] - 1))
-    n = len(time)
+    own = np.diff(time)
+    steps = np.rint(own / grid.interval_ns)
+    # Outages are losses, whatever the other stamps are.
+    short = steps < _LEAP
+    own, steps, n = own[short], steps[short], len(time)
+    lost = float(np.sum(steps[steps > 1] - 1))
     # Messages that waited for a late one share its place; they fill the empty ones before.
     waited = np.count_nonzero(steps == 0)
     if np.count_nonzero(steps > 1) < _FEW_LOSSES or lost - waited < _FEW_LOSSES:
@@ -247,17 +206,21 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None, ticks: bool) ->
     # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
-    # Late stamps in ticks fit their grid as well as exact ones, and ticks of both clocks coincide.
-    if (ticks and (other is None or _in_ticks(other, grid.interval_ns))
-            and _vary_little(steps)):
+    if _lost_by_chance(steps):
+        # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
+        share = 1 - 1 / float(steps.mean())
+        return grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
+    # Ticks, exact or near a line, and a timer that reads a slower sensor beat with the interval.
+    # Messages dropped in turn repeat instead; how clearly depends on the jitter.
+    if (grid.spread < 0.05 or worst < 1) and not _repeat(steps, 0.8 - 3 * grid.spread):
         return line
     # A timer that finds a sample only at every second or third reading shows time passing on both
     # clocks. Of messages dropped in turn, two would sometimes be neighbours.
     truly = (None if other is None or np.percentile(steps, 1) > 1 else
-             _lost_by(other, np.diff(time), steps, grid.interval_ns))
+             _lost_by(np.diff(other)[short].astype(np.float64), own, steps, grid.interval_ns))
     if truly is not None:
         return grid if truly > 0.5 else line
-    if worst > 0.75 or grid.spread > 0.05:
+    if worst > 1 or grid.spread > 0.05:
         # Ticks and regular drops keep their stamps near a line. Ticks are exact, and no delays are
         # added to them.
         return grid
@@ -271,9 +234,8 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None, ticks: bool) ->
     return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
 
-def _lost_by(other: Stamps, own: Array, steps: Array, interval: float) -> float | None:
+def _lost_by(passed: Array, own: Array, steps: Array, interval: float) -> float | None:
     """Return the intervals that pass on the other clock per place missing; None if unknown."""
-    passed = np.diff(other).astype(np.float64)
     if (not 0.5 < float(passed.sum()) / float(own.sum()) < 2
             or np.max(np.abs(passed - own)) < 0.02 * interval
             or np.mean(passed == 0) > 0.1):
