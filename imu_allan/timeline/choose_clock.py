@@ -48,7 +48,7 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
     choice = 'header' if options.clock == 'auto' else options.clock
     if flaws['header'] and options.clock == 'auto' and not (
             one and flaws['header'] == 'out of order'):
-        if not flaws['receive']:
+        if not (one or flaws['receive']):
             decision.use_receive(flaws['header'])
             return
         if not flaw_of(window.header_ns, repeats, bursts=True):
@@ -66,9 +66,11 @@ def choose_clock(window: Window, decision: Decision, options: TimelineOptions) -
             raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
         decision.count_samples(options.rate_hz)
     elif choice == 'header':
-        # Different messages share a stamp more often than by an occasional driver fault.
+        # Different messages share a stamp more often than by an occasional driver fault. A clock
+        # that stands still for a while shows only one such stamp.
         tied = (window.header_ns[1:] == window.header_ns[:-1]) & ~repeats
-        decision.ticks = int(np.count_nonzero(tied)) > max(2, 1e-3 * len(tied))
+        shared = np.count_nonzero(tied & np.diff(tied, prepend=False))
+        decision.ticks = int(shared) > max(2, 1e-3 * len(tied))
     decision.clock = choice
 
 
@@ -184,7 +186,7 @@ def replace_header_clock(memory: Memory, window: Window) -> None:
     """Switch to receive stamps, in a new run, if header stamps have become unusable."""
     decision, cursor, repeats = memory.decision, memory.cursor, repeated(window.samples)
     flaw = flaw_of(window.header_ns, repeats, bursts=False)
-    if not flaw or flaw_of(window.receive_ns, repeats, bursts=True):
+    if not flaw or decision.one_clock or flaw_of(window.receive_ns, repeats, bursts=True):
         return
     decision.clock = 'receive'
     decision.remarks['clock_changed'] = {'flaw': flaw, 'since_s': cursor.elapsed_ns / SECOND}

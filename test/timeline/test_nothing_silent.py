@@ -221,6 +221,17 @@ def test_late_stamps_in_whole_milliseconds_leave_the_rate_right(
     assert timeline.missing == pytest.approx(missed(kept) + timeline.duplicates, abs=10)
 
 
+@pytest.mark.parametrize(('first', 'count', 'copied'), [
+    (0, 50, False), (0, 300, False), (1000, 50, False), (0, 300, True), (0, 1500, True)])
+def test_a_header_clock_that_stands_still_for_a_while_leaves_the_rate_right(first, count, copied):
+    messages, truth, _ = rest(duration_s=30)
+    messages.header[first:first + count] = messages.header[first]
+    summary, _ = run((one_clock(messages) if copied else messages).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert (summary.timeline.duplicates, summary.timeline.missing) == (count - 1, count - 1)
+    assert not codes(summary)
+
+
 @pytest.mark.parametrize(('share', 'where', 'axes'), [
     (0.2, 'start', 3), (0.3, 'middle', 3), slow(0.6, 'end', 3), (0.3, 'end', 1)])
 def test_a_frozen_sensor_is_left_out_and_reported(share, where, axes):
