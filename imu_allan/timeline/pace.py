@@ -212,7 +212,9 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
         return grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
     # Ticks, exact or near a line, and a timer that reads a slower sensor beat with the interval.
     # Messages dropped in turn repeat instead; how clearly depends on the jitter.
-    if (grid.spread < 0.05 or worst < 1) and not _repeat(steps, 0.8 - 3 * grid.spread):
+    # Of stamps so late that they leave a line, some share a place with the next.
+    late = grid.spread < 0.05 and waited > 0.01 * n
+    if (late or worst < 0.75 + 3 * grid.spread) and not _repeat(steps, 0.8 - 3 * grid.spread):
         return line
     # A timer that finds a sample only at every second or third reading shows time passing on both
     # clocks. Of messages dropped in turn, two would sometimes be neighbours.
@@ -220,12 +222,12 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
              _lost_by(np.diff(other)[short].astype(np.float64), own, steps, grid.interval_ns))
     if truly is not None:
         return grid if truly > 0.5 else line
-    if worst > 1 or grid.spread > 0.05:
+    if worst > 0.75 or grid.spread > 0.05:
         # Ticks and regular drops keep their stamps near a line. Ticks are exact, and no delays are
         # added to them.
         return grid
-    late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
-    wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
+    off = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
+    wide = float(np.median(np.ptp(off.reshape(-1, _GROUP), axis=1)))
     # Stamps rounded to ticks lie within less than one tick, 16 in a row within about 0.94. With
     # two kept and two dropped in turn they lie within 1, with three kept and two dropped within
     # 1.33.

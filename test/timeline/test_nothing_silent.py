@@ -169,6 +169,8 @@ STAMPS = [
     ('a tick of 10 ms, one of 12 lost', 62.5, 60, 1e-4, 0,
      lambda m, _: in_ticks(m, 1e-2, 0).pick(m.place % 12 > 0)),
     ('1101', 100.0, 150, 1e-3, 2, lambda m, _: lose(m, '1101')),
+    ('one lost after three to thirteen', 200.0, 1.75, 1e-4, 0, lambda m, _: one_clock(m).pick(
+        ~np.isin(m.place, np.cumsum(np.random.default_rng(1).integers(3, 14, 40) + 1) - 1))),
     ('11100 by one clock', 5.0, 1200, 1e-3, 2, lambda m, _: lose(one_clock(m), '11100')),
     ('batches that hide what is dropped in turn', 100.0, 50, 1e-3, 2,
      lambda m, _: dated_back(m, 8, 1.08).pick(m.place % 4 != 0)),
