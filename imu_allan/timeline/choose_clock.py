@@ -22,6 +22,7 @@ from imu_allan.timeline.memory import (
     Window,
 )
 from imu_allan.timeline.pace import (
+    COUNTING_SPREAD,
     longest_at_one_rate,
     measure_pace,
     Pace,
@@ -169,12 +170,17 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     # them are missing. Clocks that disagree by more than 12 % do not stamp the same samples.
     if abs(ratio - 1) > 0.12 < abs(speed - 1):
         return pace
+    # A timer reads both clocks. If the header stamps lie far closer to its grid, they show better
+    # that its empty places are no losses.
+    if pace.counting and 1 - ratio > pace.hidden and (
+            3 * spread_about(own, second.interval_ns) < second.spread):
+        return pace
     # With one of three dropped, stamps lie 0.17 off a grid of 1.5 intervals. The limits of 0.1
     # and of three times the clock's spread about its own grid are chosen by judgment, as is
     # that of 1 % between the intervals of one grid by two clocks.
     if not pace.counting and not (
-            abs(ratio - 1) > 0.01
-            and spread_about(other, pace.interval_ns) > max(0.1, 3 * second.spread)):
+            abs(ratio - 1) > 0.01 and spread_about(other, pace.interval_ns) > min(
+                max(0.1, 3 * second.spread), COUNTING_SPREAD)):
         # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
         return pace
     # No flaw: header stamps are usable, but less suitable.

@@ -206,10 +206,11 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
+    # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
+    share = 1 - 1 / float(steps.mean())
+    lossy = grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
     if _lost_by_chance(steps):
-        # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
-        share = 1 - 1 / float(steps.mean())
-        return grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
+        return lossy
     # Ticks, exact or near a line, and a timer that reads a slower sensor beat with the interval.
     # Messages dropped in turn repeat instead; how clearly depends on the jitter.
     # Of stamps so late that they leave a line, some share a place with the next.
@@ -221,18 +222,18 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     truly = (None if other is None or np.percentile(steps, 1) > 1 else
              _lost_by(np.diff(other)[short].astype(np.float64), own, steps, grid.interval_ns))
     if truly is not None:
-        return grid if truly > 0.5 else line
+        return lossy if truly > 0.5 else line
     if worst > 0.75 or grid.spread > 0.05:
         # Ticks and regular drops keep their stamps near a line. Ticks are exact, and no delays are
         # added to them.
-        return grid
+        return lossy
     off = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(off.reshape(-1, _GROUP), axis=1)))
     # Stamps rounded to ticks lie within less than one tick, 16 in a row within about 0.94. With
     # two kept and two dropped in turn they lie within 1, with three kept and two dropped within
     # 1.33.
     if wide > 0.99 * grid.interval_ns:
-        return grid
+        return lossy
     return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
 

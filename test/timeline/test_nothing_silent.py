@@ -47,6 +47,11 @@ def one_clock(messages):
     return replace(messages, receive=messages.header.copy())
 
 
+def late_receive(messages, rng):
+    late = messages.header + 2e-4 + rng.exponential(2e-4, len(messages.place))
+    return replace(messages, receive=np.maximum.accumulate(late) + 1e-7 * messages.place)
+
+
 def dated_back(messages, size, interval, rate_hz=100.0):
     """Stamp batches back from when they are read, by an interval that is not the true one."""
     place = messages.place
@@ -168,6 +173,10 @@ STAMPS = [
     # A grid of the tick has its empty places, too: the receive stamps do not lie on it.
     ('a tick of 10 ms, one of 12 lost', 62.5, 60, 1e-4, 0,
      lambda m, _: in_ticks(m, 1e-2, 0).pick(m.place % 12 > 0)),
+    ('a tick of 1 ms, a tenth lost, late receive stamps', 833.0, 6, 1e-3, 2,
+     lambda m, rng: lose(in_ticks(late_receive(m, rng), 1e-3, 0), 0.1, rng)),
+    ('a timer of 1 ms reads 952 Hz, late receive stamps', 952.0, 6, 1e-3, 0,
+     lambda m, rng: late_receive(read_by_timer(m, rng, 1e-3, 3e-5), rng)),
     ('1101', 100.0, 150, 1e-3, 2, lambda m, _: lose(m, '1101')),
     ('one lost after three to thirteen', 200.0, 1.75, 1e-4, 0, lambda m, _: one_clock(m).pick(
         ~np.isin(m.place, np.cumsum(np.random.default_rng(1).integers(3, 14, 40) + 1) - 1))),
@@ -221,6 +230,15 @@ def test_late_stamps_in_whole_milliseconds_leave_the_rate_right(
     assert timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=max(2e-3, 2 / count))
     # Some of those that are late share their stamp with the one before.
     assert timeline.missing == pytest.approx(missed(kept) + timeline.duplicates, abs=10)
+
+
+@pytest.mark.parametrize(('rate_hz', 'tick'), [(400.0, 1e-3), (100.0, 4e-3), (3200.0, 1.25e-4)])
+def test_places_too_empty_to_interpolate_may_be_losses_or_ticks(rate_hz, tick):
+    messages, truth, rng = rest(rate_hz, 2000 / rate_hz)
+    kept = lose(one_clock(in_ticks(messages, tick, 0)), 0.1, rng)
+    summary, _ = run(kept.block())
+    assert unsure(summary.remarks) > 0.6
+    assert summary.timeline.sample_rate_hz < 1.01 * truth.rate_hz
 
 
 @pytest.mark.parametrize(('first', 'count', 'copied'), [
