@@ -177,6 +177,10 @@ STAMPS = [
      lambda m, rng: lose(in_ticks(late_receive(m, rng), 1e-3, 0), 0.1, rng)),
     ('a timer of 1 ms reads 952 Hz, late receive stamps', 952.0, 6, 1e-3, 0,
      lambda m, rng: late_receive(read_by_timer(m, rng, 1e-3, 3e-5), rng)),
+    # Over a third of a second, its beat with the timer is as regular as messages dropped in turn.
+    *((f'a timer of 1 ms reads 833 Hz for {lasts} s', 833.0, lasts, 2e-3, 0,
+       lambda m, rng: late_receive(read_by_timer(m, rng, 1e-3, 5e-5), rng))
+      for lasts in (0.5, 1.2)),
     ('1101', 100.0, 150, 1e-3, 2, lambda m, _: lose(m, '1101')),
     ('one lost after three to thirteen', 200.0, 1.75, 1e-4, 0, lambda m, _: one_clock(m).pick(
         ~np.isin(m.place, np.cumsum(np.random.default_rng(1).integers(3, 14, 40) + 1) - 1))),
