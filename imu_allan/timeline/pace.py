@@ -134,6 +134,10 @@ def _lost_by_chance(steps: Array) -> bool:
     # Whittle's likelihood of slow changes. Steps are independent if samples are lost at random:
     # their power is the same at all frequencies, and known from their mean. That of lateness, and
     # of ticks below their beat with the interval, grows with the square of the frequency.
+    if np.all(steps > 0):
+        # Random losses make longer steps in one of twenty records: these are outages. Those of
+        # late stamps are made up for by the next, which share a place.
+        steps = steps[steps < 1 + log(0.05 / len(steps)) / log(1 - 1 / float(steps.mean()))]
     n, mean = len(steps), float(steps.mean())
     white = mean * (mean - 1)
     count = max(min(n // 20, int(n * (mean - 1) / 2)), 4)

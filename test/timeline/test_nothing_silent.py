@@ -181,6 +181,8 @@ STAMPS = [
     *((f'a timer of 1 ms reads 833 Hz for {lasts} s', 833.0, lasts, 2e-3, 0,
        lambda m, rng: late_receive(read_by_timer(m, rng, 1e-3, 5e-5), rng))
       for lasts in (0.5, 1.2)),
+    ('a timer of 5 ms reads 166 Hz, an outage', 166.0, 1.8, 5e-3, 0, lambda m, rng: one_clock(
+        read_by_timer(m, rng, 5e-3, 1e-4)).pick(abs(m.place - 100) > 4)),
     ('1101', 100.0, 150, 1e-3, 2, lambda m, _: lose(m, '1101')),
     ('one lost after three to thirteen', 200.0, 1.75, 1e-4, 0, lambda m, _: one_clock(m).pick(
         ~np.isin(m.place, np.cumsum(np.random.default_rng(1).integers(3, 14, 40) + 1) - 1))),
