@@ -166,11 +166,10 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
                                   'with --together')
     if found.trend is not None and (trend := found.trend.temperature) is not None:
         return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
-    if result.temperature is not None:
-        known = [celsius for celsius in result.temperature.mean if celsius is not None]
-        return Measured(undecided=f'from {min(known, default=0.0):.1f} to '
-                        f'{max(known, default=0.0):.1f} degrees Celsius no dependence shows; '
-                        'change it by more')
+    recorded = result.temperature.mean if result.temperature is not None else ()
+    if known := [celsius for celsius in recorded if celsius is not None]:
+        return Measured(undecided=f'from {min(known):.1f} to {max(known):.1f} degrees Celsius no '
+                        'dependence shows; change it by more')
     return Measured(undecided='the result knows no dependence on temperature; record the '
                               'temperature while it changes')
 

@@ -179,8 +179,8 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     # and of three times the clock's spread about its own grid are chosen by judgment, as is
     # that of 1 % between the intervals of one grid by two clocks.
     if not pace.counting and not (
-            abs(ratio - 1) > 0.01 and spread_about(other, pace.interval_ns) > min(
-                max(0.1, 3 * second.spread), COUNTING_SPREAD)):
+            abs(ratio - 1) > 0.01 and spread_about(other, pace.interval_ns) > np.clip(
+                3 * second.spread, 0.1, COUNTING_SPREAD)):
         # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.
         return pace
     # No flaw: header stamps are usable, but less suitable.

@@ -12,6 +12,11 @@ can explain the same stamps: one in ten messages dropped looks like a tick of ni
 interval. Chance decides first: stamps stray ever further from a line if samples are lost at
 random, but not if they are rounded or late. If messages are dropped in turn, the other clock
 decides, since time passes on it, too, during a true loss.
+
+References
+----------
+P. Whittle, Ark. Mat. 2 (1953): the likelihood of a spectrum.
+
 """
 
 from dataclasses import dataclass, replace
@@ -131,13 +136,13 @@ def pace_of_each(stamps: Stamps) -> Pace:
 
 def _lost_by_chance(steps: Array) -> bool:
     """Return whether random losses explain steps on a grid better than late stamps in ticks."""
-    # Whittle's likelihood of slow changes. Steps are independent if samples are lost at random:
-    # their power is the same at all frequencies, and known from their mean. That of lateness, and
-    # of ticks below their beat with the interval, grows with the square of the frequency.
     if np.all(steps > 0):
         # Random losses make longer steps in one of twenty records: these are outages. Those of
         # late stamps are made up for by the next, which share a place.
         steps = steps[steps < 1 + log(0.05 / len(steps)) / log(1 - 1 / float(steps.mean()))]
+    # Whittle's likelihood of slow changes. Steps are independent if samples are lost at random:
+    # their power is the same at all frequencies, and known from their mean. That of lateness, and
+    # of ticks below their beat with the interval, grows with the square of the frequency.
     n, mean = len(steps), float(steps.mean())
     white = mean * (mean - 1)
     count = max(min(n // 20, int(n * (mean - 1) / 2)), 4)
@@ -150,7 +155,7 @@ def _lost_by_chance(steps: Array) -> bool:
     return chance < ticks + log(20)
 
 
-def _repeat(steps: Array, share: float) -> bool:
+def _steps_repeat(steps: Array, share: float) -> bool:
     """Return whether steps repeat after some turn, in this share of their variance."""
     long = steps > np.floor(steps.mean())
     apart = np.diff(np.flatnonzero(long), append=len(long))
@@ -215,11 +220,12 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     lossy = grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
     if _lost_by_chance(steps):
         return lossy
-    # Ticks, exact or near a line, and a timer that reads a slower sensor beat with the interval.
-    # Messages dropped in turn repeat instead; how clearly depends on the jitter.
-    # Of stamps so late that they leave a line, some share a place with the next.
+    # Of ticks so late that they leave a line, some share a place with the next.
     late = grid.spread < 0.05 and waited > 0.01 * n
-    if (late or worst < 0.75 + 3 * grid.spread) and not _repeat(steps, 0.8 - 3 * grid.spread):
+    # Ticks, exact or late, and a timer that reads a slower sensor beat with the interval. Messages
+    # dropped in turn repeat instead; how clearly depends on the jitter.
+    if (late or worst < 0.75 + 3 * grid.spread) and not _steps_repeat(
+            steps, 0.8 - 3 * grid.spread):
         return line
     # A timer that finds a sample only at every second or third reading shows time passing on both
     # clocks. Of messages dropped in turn, two would sometimes be neighbours.

@@ -178,45 +178,18 @@ def forecast_table(result: Result) -> Group:
 
 
 def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> Group:
-    """Return a table of how filters with the numbers of one recording performed in another."""
-    def factor_of(found: tuple[float, Interval]) -> str:
-        value, (low, high) = found
-        return f'{value:.3g}\n({number(low, 2)}-{number(high, 2)})'
-
+    """Return tables of how filters with the numbers of one recording performed in another."""
     second = 'K' if bias == 'random_walk' else 'sigma'
     # Sensors of different rates, or of different times at rest, have tables of their own.
-    tables: dict[Any, dict[str, FieldTest]] = {}
+    by_times: dict[Any, dict[str, FieldTest]] = {}
     for name, one in found.items():
         times = (*(row.interval_s for row in one.full.innovations),
                  *(row.horizon_s for row in one.full.coasts))
-        tables.setdefault((one.tested_s, one.stops, times), {})[name] = one
-    shown: list[RenderableType] = []
-    for axes in tables.values():
-        first = next(iter(axes.values()))
-        parts = ('in one part' if first.stops == 1
-                 else f'in {first.stops} parts, in each of which the filter begins anew')
-        table = bare_table('axis', 'numbers',
-                           *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
-                           *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
-        for name, one in axes.items():
-            factor, unit = engineering(1.0, AXES[name].unit)
-            for what, met in ((TUNED, one.tuned), ('full model', one.full)):
-                table.add_row(
-                    f'{spoken(name)}\n{unit}' if what == TUNED else '',
-                    what, *(f'{row.nis:.3g}' for row in met.innovations),
-                    *(f'{number(row.observed_rms * factor, 3)}\n'
-                      f'({number(low * factor, 2)}-{number(high * factor, 2)})'
-                      for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
-            cells = [''] * (len(one.tuned.innovations) + len(one.tuned.coasts))
-            cells[0] = factor_of(one.noise_factor)
-            if one.drift_factor is not None:
-                cells[-1] = factor_of(one.drift_factor)
-            table.add_row('', f'N, {second} times', *cells)
-        shown += [Text('')] if shown else []
-        shown += [Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest '
-                       f'in {other}, {parts}:'), table]
+        by_times.setdefault((one.tested_s, one.stops, times), {})[name] = one
+    tables = [part for axes in by_times.values()
+              for part in (Text(''), *_field_test_table(axes, other, second))]
     return Group(
-        *shown,
+        *tables[1:],
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
              'that time unaided. In brackets: where 95 % of such errors should lie if '
@@ -224,6 +197,37 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> 
         Text(f'N, {second} times: the root of the first NIS, and the last error over the '
              'predicted one, with 95 % intervals. Above 1 with motors or wheels running, they '
              'are what the motion adds: put them into --inflate.', 'dim'))
+
+
+def _field_test_table(found: Mapping[str, FieldTest], other: str, second: str
+                      ) -> tuple[Text, RenderableType]:
+    """Return heading and table of axes that were tested over the same times."""
+    def factor_of(found: tuple[float, Interval]) -> str:
+        value, (low, high) = found
+        return f'{value:.3g}\n({number(low, 2)}-{number(high, 2)})'
+
+    first = next(iter(found.values()))
+    parts = ('in one part' if first.stops == 1
+             else f'in {first.stops} parts, in each of which the filter begins anew')
+    table = bare_table('axis', 'numbers',
+                       *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
+                       *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
+    for name, one in found.items():
+        factor, unit = engineering(1.0, AXES[name].unit)
+        for what, met in ((TUNED, one.tuned), ('full model', one.full)):
+            table.add_row(
+                f'{spoken(name)}\n{unit}' if what == TUNED else '',
+                what, *(f'{row.nis:.3g}' for row in met.innovations),
+                *(f'{number(row.observed_rms * factor, 3)}\n'
+                  f'({number(low * factor, 2)}-{number(high * factor, 2)})'
+                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
+        cells = [''] * (len(one.tuned.innovations) + len(one.tuned.coasts))
+        cells[0] = factor_of(one.noise_factor)
+        if one.drift_factor is not None:
+            cells[-1] = factor_of(one.drift_factor)
+        table.add_row('', f'N, {second} times', *cells)
+    return Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
+                f'{other}, {parts}:'), table
 
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias) -> dict[str, Any]:
