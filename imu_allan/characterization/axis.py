@@ -140,20 +140,19 @@ def _unfitted(base: AxisResult, finished: Estimator, axis: int, points: Octaves,
               ) -> tuple[AxisResult, list[Finding]]:
     """Return an axis that could not be fitted, with its fault and the finding about it."""
     base = replace(base, curve=_curve(points, axis, dt, {}))
-    match faults.axis_fault(finished, finished.periodogram.sections(), axis):
-        case faults.Constant(value):
+    match faults.axis_fault(finished, finished.periodogram.sections(), axis, dt):
+        case float(value):
             return base, [finding('constant_axis', value=value, unit=base.unit)]
         case Deadband(width, share) as deadband:
             return replace(base, deadband=deadband), [
                 finding('deadband', share=share, width=width, unit=base.unit)]
-        case faults.StoodStill(first, samples):
-            span = Span(first * dt, samples * dt)
+        case Span(start_s, duration_s) as span:
             return replace(base, stood_still=span), [
-                finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)]
-        case faults.Clipped(value, share, is_highest):
-            return replace(base, saturated=Saturation(value, share)), [
+                finding('stood_still', start_s=start_s, duration_s=duration_s)]
+        case Saturation(value, share) as saturated:
+            return replace(base, saturated=saturated), [
                 finding('saturated', share=share, value=value, unit=base.unit,
-                        end='highest' if is_highest else 'lowest')]
+                        end='highest' if value > finished.mean[axis] else 'lowest')]
     return base, []
 
 

@@ -11,7 +11,6 @@ from imu_allan.noise.faults import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.estimates import expected, fitted_trend, leaks_from_ends
 from imu_allan.noise.posterior.level_change import Change, change_of, STEADY
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
-from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
 from imu_allan.noise.record.bins import bins_of
@@ -47,7 +46,7 @@ class AxisFit:
     # The record with the trends of its mean; None for a joint fit of several records
     record: RecordSpectrum | None = None
     # Returns the spectra of quarters of the record; an empty list if they are too short
-    quarters: Callable[[], list[Groups]] | None = None
+    quarters: Callable[[], list[Groups]] = list
     change: Change = STEADY    # of the white noise within the record
 
 
@@ -83,7 +82,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureSeries | No
 
     """
     sections = finished.periodogram.sections() if finished.samples >= SHORTEST_RECORD else []
-    axes = [axis for axis in range(finished.axes) if axis_fault(finished, sections, axis) is None]
+    axes = [axis for axis in range(finished.axes)
+            if axis_fault(finished, sections, axis, dt) is None]
     fits: list[AxisFit | None] = [None] * finished.axes
     if not sections or not axes:
         return fits
@@ -113,13 +113,10 @@ def _posteriors(sources: Sequence['_Source'], dt: float, bank: Bank) -> list[Pos
 
 def _reported(source: '_Source', posterior: Posterior, dt: float,
               temperature: TemperatureSeries | None) -> AxisFit:
-    """Report one axis; withdraw a random walk that its quarters do not confirm."""
+    """Report one axis, without the harmonics of a cycle among its lines."""
     change = _change_of_white_noise(posterior, source, dt)
-    report = reported(replace(posterior, change=change), dt, temperature, source.record)
-    walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable
-    if walks and (quarters := source.groups_of_quarters()) \
-            and not random_walk_persists(posterior, [[groups] for groups in quarters], dt):
-        report = report.without_random_walk()
+    report = reported(replace(posterior, change=change), dt, temperature, source.record,
+                      map(_Source.groups_of_quarters, [source]))
     if source.cycle is not None:
         report = replace(report, trend=replace(report.trend, cycle_s=source.cycle.period_s))
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)

@@ -14,14 +14,13 @@ to that number, because Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from imu_allan.arrays import Array, Bools
 from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.noise.record.signal_over_time import stood_still
-from imu_allan.result import Deadband
+from imu_allan.result import Deadband, Saturation, Span
 import numpy as np
 from scipy.special import ndtr, ndtri
 
@@ -30,54 +29,31 @@ _SMALLEST = 1e-60
 read as doubles are that small."""
 
 
-class Constant(NamedTuple):
-    """All samples have the same value, in the unit of a sample."""
-
-    value: float
-
-
-class StoodStill(NamedTuple):
-    """The output kept one value for a number of samples; `first` is the index of the first."""
-
-    first: int
-    samples: int
-
-
-class Clipped(NamedTuple):
-    """The output is clipped at a value."""
-
-    value: float    # in the unit of a sample
-    share: float    # share of the samples at that value
-    is_highest: bool    # whether it is the upper end of the range
-
-
-AxisFault = Constant | Deadband | StoodStill | Clipped
-
-
-def axis_fault(finished: Estimator, sections: Sequence[SpectrumSection], axis: int
-               ) -> AxisFault | None:
+def axis_fault(finished: Estimator, sections: Sequence[SpectrumSection], axis: int, dt: float
+               ) -> float | Deadband | Span | Saturation | None:
     """
     Return the fault of an axis, or None if its coefficients can be estimated.
 
-    `sections`: of its spectrum. Returns: the first that applies of `Constant`, `Deadband`,
-    `StoodStill` and `Clipped`. An axis stood still, too, if it holds one value wherever a spectrum
-    is possible, and others between gaps.
+    `sections`: of its spectrum. `dt`: sample interval in seconds. Returns: the first that applies.
+    The value of an axis that is constant; a deadband; the span of time in which the output kept
+    one value; where it is clipped. An axis stood still, too, if it holds one value wherever a
+    spectrum is possible, and others between gaps.
     """
     census = finished.census
     if finished.samples and census.highest[axis] - census.lowest[axis] < _SMALLEST:
-        return Constant(float(finished.mean[axis]))
+        return float(finished.mean[axis])
     if (dead := deadband(finished, axis)) is not None:
         return dead
     if (not steps_hide_noise(finished)[axis]
             and (still := stood_still(finished.signal.columns(), axis)) is not None):
-        return StoodStill(*still)
+        return Span(still[0] * dt, still[1] * dt)
     if (clipped := clipping(finished, axis)) is not None or not sections:
         return clipped
     longest = max(sections, key=lambda section: section.length * section.step)
     # Rounding leaves 1e-32 of a constant.
     has_noise = any(section.power[axis, section.first:section.last].max(initial=0.0)
                     > 1e-26 * section.power[axis].max() for section in sections)
-    return None if has_noise else StoodStill(longest.start, longest.length * longest.step)
+    return None if has_noise else Span(longest.start * dt, longest.length * longest.step * dt)
 
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:
@@ -115,7 +91,7 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     return Deadband(lower_edge(first), zeros / finished.measured)
 
 
-def clipping(finished: Estimator, axis: int) -> Clipped | None:
+def clipping(finished: Estimator, axis: int) -> Saturation | None:
     """
     Find the value at which the output of an axis is clipped.
 
@@ -148,7 +124,7 @@ def clipping(finished: Estimator, axis: int) -> Clipped | None:
     if samples * ndtr(ndtri(share) - step / noise) < 20.0:
         return None
     kept = (census.lowest, census.highest)[end][axis]
-    return Clipped(float(finished.reference[axis] + kept), count / samples, bool(end))
+    return Saturation(float(finished.reference[axis] + kept), count / samples)
 
 
 def steps_hide_noise(finished: Estimator) -> Bools:

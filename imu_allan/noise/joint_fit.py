@@ -17,12 +17,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.noise.posterior.posterior import Posterior, posteriors
-from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
+from imu_allan.noise.posterior.posterior import posteriors
 from imu_allan.noise.posterior.report import reported
 from imu_allan.noise.record.groups import joined_groups
 from imu_allan.result import Tone
-import numpy as np
 
 
 def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
@@ -61,27 +59,13 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     # Noise that changes within a record is as uncertain over all of them. Where none is known to
     # change, it is that of the record which is least likely to be steady.
     change = max((one.change for one in records), key=lambda one: (one.typical, -one.weight[0]))
-    report = reported(replace(posterior, change=change), dt)
-    walks = report.high_pass_hz is None and report.estimates['rate_random_walk'].observable
-    if walks and not _shows_in_parts(posterior, records, dt):
-        report = report.without_random_walk()
+    report = reported(replace(posterior, change=change), dt,
+                      quarters=(one.quarters() for one in records))
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = replace(report, high_pass_hz=max(corners_hz))
     with_lines = joined_groups([one.with_lines for one in records])
     return AxisFit(report, _lines(records), groups, with_lines)
-
-
-def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:
-    """Return whether a random walk persists without any one quarter, and without any records."""
-    quarters = [own for one in records if one.quarters is not None and (own := one.quarters())]
-    # Leave out one record of up to eight, of more an eighth of them.
-    eighths = np.array_split(np.arange(len(quarters)), min(max(len(quarters), 1), 8))
-    splits = [[[one for number in part.tolist() for one in quarters[number]] for part in eighths]
-              ] if len(quarters) > 2 else []
-    if len(quarters) == len(records):
-        splits.append([list(same) for same in zip(*quarters, strict=True)])
-    return all(random_walk_persists(posterior, split, dt) for split in splits)
 
 
 def _lines(records: Sequence[AxisFit]) -> list[Tone]:

@@ -108,11 +108,13 @@ def test_what_is_no_fault_is_not_reported_as_one(name):
 def test_a_clipped_axis_is_reported_at_either_end(level, step):
     stepped = step * np.round(WHITE / step)
     top = step * round(level / step)
-    for sign in (1, -1):
-        found = clipping(shown(sign * np.minimum(stepped, top)), 0)
+    for sign, end in ((1, 'highest'), (-1, 'lowest')):
+        finished = shown(sign * np.minimum(stepped, top))
+        found = clipping(finished, 0)
         assert found.value == pytest.approx(sign * top)
         assert found.share == pytest.approx(np.mean(stepped >= top), rel=1e-9)
-        assert found.is_highest == (sign == 1)
+        [(_, [remark])] = axis_results(finished, 100.0, [Quantity.ANGULAR_VELOCITY])
+        assert remark.values['end'] == end
     assert clipping(shown(stepped), 0) is None
 
 

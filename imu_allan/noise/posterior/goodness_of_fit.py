@@ -12,12 +12,18 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 
 from dataclasses import dataclass
 
-from imu_allan.arrays import Array, Ints
+from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.posterior import likelihood
 from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, N, Rows, Spectra
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.thresholds_and_priors import DESCRIBED, SHAPE_MEDIAN, SHAPE_SPREAD
+from imu_allan.noise.posterior.thresholds_and_priors import (
+    DESCRIBED,
+    LEAST_DESCRIBED,
+    SHAPE_MEDIAN,
+    SHAPE_SPREAD,
+    TOLERATED_MISFIT,
+)
 from imu_allan.noise.record.groups import half_octaves
 import numpy as np
 
@@ -35,8 +41,8 @@ class Goodness:
     p_value, misfit : float
         Chi-square probability of the half-octave residuals, and their largest relative misfit
         beyond sampling error.
-    described : float
-        Share of the noise that lies below the edge.
+    acceptable : bool
+        Whether the model describes enough of the noise, with tolerable residuals.
     divisors : ndarray, shape (groups,)
         Divisors for the degrees of freedom, from misfit and the uncertain shape of a filter.
 
@@ -44,52 +50,47 @@ class Goodness:
 
     p_value: float
     misfit: float
-    described: float
+    acceptable: bool
     divisors: Array
 
 
-@dataclass(frozen=True)
-class _Residuals:
-    """
-    Residuals of a model by half-octave.
-
-    Attributes
-    ----------
-    expected, dof : ndarray, shape (groups,)
-        Power that the model expects, and degrees of freedom.
-    octave : ndarray of int, shape (groups,)
-        Half-octave of each group.
-    count : ndarray, shape (half-octaves,)
-        Degrees of freedom.
-    level, normal : ndarray, shape (half-octaves,)
-        Power relative to the model, and the same as a standard normal variable.
-
-    """
-
-    expected: Array
-    dof: Array
-    octave: Ints
-    count: Array
-    level: Array
-    normal: Array
-
-
 def goodness_of_fit(spectra: Spectra, row: Rows) -> Goodness:
-    """Test the residuals of a model."""
-    residuals = _residuals(spectra, row)
-    count, level, normal = residuals.count, residuals.level, residuals.normal
+    """Test the residuals of a model by half-octave; there are none where all was left out."""
+    [expected], _, [weight], size, covariance = likelihood.fitted_mean(spectra, row, row.x)
+    residual = residual_power(spectra.power[row.spectrum], spectra.products[row.spectrum], size,
+                              covariance)[0]
+    dof = weight * expected
+    _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
+    count: Array = np.bincount(octave, dof).astype(np.float64)
     used = count > _FEWEST
+    count = np.maximum(count, 1e-9)
+    level = np.where(used, np.bincount(octave, dof * (residual / expected)) / count, 1.0)
+    # Wilson-Hilferty: the cube root of a chi-square is normal even for a few degrees of freedom.
+    normal = np.where(used, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
     free = max(int(used.sum()) - int(row.present.sum()), 1)
     p_value = float(chi_square.survival(float(normal @ normal), free))
     # A deviation counts as sampling error up to a tail probability of 1e-3.
     high = chi_square.upper(1e-3, count) / count
     low = chi_square.lower(1e-3, count) / count
-    misfit = np.where(used, np.maximum(level - high, low - level), 0.0)
-    divisors = _of_filter(spectra, row, residuals)
+    misfit = float(np.maximum(level - high, low - level).max(where=used, initial=0.0))
+    acceptable = _described(spectra, row, expected) >= LEAST_DESCRIBED and (
+        p_value > DESCRIBED or misfit <= TOLERATED_MISFIT)
+    attenuation = _attenuation(spectra, row)
+    divisors = np.ones_like(attenuation)
+    if attenuation.any():
+        # Averages groups over half-octaves.
+        averaging = np.where(
+            octave == np.arange(len(count))[:, None], dof / count[octave], 0.0)
+        _, slopes, parameters = likelihood.model_spectrum(spectra, row, row.x)
+        *_, prior_information = likelihood.log_prior(spectra, row, row.x)
+        error = _shape_error(
+            normal * np.sqrt(2 / count), count / 2, averaging @ attenuation,
+            averaging @ (slopes[:, 0] / expected).T, prior_information[0, parameters])
+        nominal_dof = np.bincount(octave, spectra.nominal_dof[row.spectrum[0]])[octave]
+        divisors = 1 + nominal_dof * (error * attenuation)**2 / 2
     if p_value < DESCRIBED:
-        divisors = _local_chi_square(normal)[residuals.octave] * divisors
-    return Goodness(p_value, float(max(misfit.max(), 0.0)),
-                    _described(spectra, row, residuals.expected), divisors)
+        divisors = _local_chi_square(normal)[octave] * divisors
+    return Goodness(p_value, misfit, acceptable, divisors)
 
 
 def _described(spectra: Spectra, row: Rows, expected: Array) -> float:
@@ -105,46 +106,12 @@ def _described(spectra: Spectra, row: Rows, expected: Array) -> float:
     return float(1 / (1 + max(above / at / 4, 1.0) * (frequency[-1] / frequency[edge] - 1)))
 
 
-def _residuals(spectra: Spectra, row: Rows) -> _Residuals:
-    """Return the residuals of a model; none where everything was left out."""
-    [expected], _, [weight], size, covariance = likelihood.fitted_mean(spectra, row, row.x)
-    residual = residual_power(spectra.power[row.spectrum], spectra.products[row.spectrum], size,
-                              covariance)[0]
-    dof = weight * expected
-    _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
-    count: Array = np.bincount(octave, dof).astype(np.float64)
-    used = count > _FEWEST
-    count = np.maximum(count, 1e-9)
-    level = np.where(used, np.bincount(octave, dof * (residual / expected)) / count, 1.0)
-    # Wilson-Hilferty: the cube root of a chi-square is normal even for a few degrees of freedom.
-    normal = np.where(used, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
-    return _Residuals(expected, dof, octave, count, level, normal)
-
-
 def _local_chi_square(normal: Array) -> Array:
     """Return the mean square of residuals around each half-octave, and at least 1."""
     place = np.arange(len(normal))
     # Smoothed by a Gaussian of 1.5 half-octaves, with one more residual of 1.
     weight = np.exp(-0.5 * ((place[:, None] - place) / 1.5)**2)
     return np.asarray(np.maximum((weight @ normal**2 + 1) / (weight.sum(axis=1) + 1), 1.0))
-
-
-def _of_filter(spectra: Spectra, row: Rows, residuals: _Residuals) -> Array:
-    """Return divisors for the uncertain shape of the filter of a model; 1 without a filter."""
-    attenuation = _attenuation(spectra, row)
-    if not attenuation.any():
-        return np.ones_like(attenuation)
-    octave, count = residuals.octave, residuals.count
-    # Averages groups over half-octaves.
-    averaging = np.where(
-        octave == np.arange(len(count))[:, None], residuals.dof / count[octave], 0.0)
-    _, slopes, parameters = likelihood.model_spectrum(spectra, row, row.x)
-    _, _, prior_information = likelihood.log_prior(spectra, row, row.x)
-    error = _shape_error(
-        residuals.normal * np.sqrt(2 / count), count / 2, averaging @ attenuation,
-        averaging @ (slopes[:, 0] / residuals.expected).T, prior_information[0, parameters])
-    nominal_dof = np.bincount(octave, spectra.nominal_dof[row.spectrum[0]])[octave]
-    return np.asarray(1 + nominal_dof * (error * attenuation)**2 / 2)
 
 
 def _attenuation(spectra: Spectra, row: Rows) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from imu_allan.arrays import Array
 from imu_allan.noise.posterior.draws import Draws, sample
 from imu_allan.noise.posterior.evidence import maximise_rows
-from imu_allan.noise.posterior.goodness_of_fit import goodness_of_fit
+from imu_allan.noise.posterior.goodness_of_fit import Goodness, goodness_of_fit
 from imu_allan.noise.posterior.level_change import Change, STEADY
 from imu_allan.noise.posterior.likelihood import Rows, Spectra
 from imu_allan.noise.posterior.prepared_spectra import prepared
@@ -70,11 +70,8 @@ class Posterior:
     ----------
     models : tuple of Drawn
         Most probable first; their weights add up to 1.
-    p_value, misfit : float
-        Chi-square probability of the half-octave residuals of the best model, and their largest
-        relative misfit beyond sampling error.
-    described : float
-        Share of the noise that it describes, below its edge.
+    goodness : Goodness
+        Of the best model.
     edge : int or None
         Group from which on the best model leaves the spectrum unexplained, if any.
     change : Change
@@ -83,9 +80,7 @@ class Posterior:
     """
 
     models: tuple[Drawn, ...]
-    p_value: float
-    misfit: float
-    described: float
+    goodness: Goodness
     edge: int | None = None
     change: Change = STEADY
 
@@ -110,8 +105,7 @@ def posteriors(groups: Sequence[Groups], dt: float, records: Sequence[RecordSpec
     best = [fitted.rows.take(fitted.row_axis == axis).best() for axis in axes]
     goodness = [goodness_of_fit(fitted.spectra, row) for row in best]
     models = _drawn(_refitted(fitted, [own.divisors for own in goodness]), axes)
-    return [Posterior(own, fit.p_value, fit.misfit, fit.described,
-                      int(row.edge[0]) if row.edge[0] < len(spectra.frequency) else None)
+    return [Posterior(own, fit, int(row.edge[0]) if row.edge[0] < len(spectra.frequency) else None)
             for own, fit, row in zip(models, goodness, best, strict=True)]
 
 

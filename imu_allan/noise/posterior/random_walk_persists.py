@@ -21,14 +21,30 @@ from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 
 
-def random_walk_persists(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float
+def random_walk_persists(posterior: Posterior, quarters: Sequence[Sequence[Groups]], dt: float
                          ) -> bool:
     """
-    Return whether the parts agree on the random walk, and it does not rest on one of them alone.
+    Return whether a random walk persists without any one quarter, and without any records.
 
-    `posterior`: of the whole record, with a model that contains a random walk. `parts`: spectra of
-    equal parts of one record, or of parts of several; each has its own mean. `dt`: sample interval
-    in seconds.
+    `posterior`: of all records, with a model that contains a random walk. `quarters`: spectra of
+    the quarters of each record; none of a record that is too short. `dt`: sample interval in
+    seconds.
+    """
+    known = [own for own in quarters if own]
+    # Leave out one record of up to eight, of more an eighth of them.
+    eighths = np.array_split(np.arange(len(known)), min(max(len(known), 1), 8))
+    splits = [[[one for number in part.tolist() for one in known[number]] for part in eighths]
+              ] if len(known) > 2 else []
+    if known and len(known) == len(quarters):
+        splits.append([list(same) for same in zip(*known, strict=True)])
+    return all(_agree(posterior, split, dt) for split in splits)
+
+
+def _agree(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) -> bool:
+    """
+    Return whether parts agree on the random walk, and it does not rest on one of them alone.
+
+    `parts`: spectra of equal parts of one record, or of parts of several; each has its own mean.
     """
     if not all(groups.power.any() for part in parts for groups in part):
         # The axis is constant in one part.

@@ -7,7 +7,7 @@ A term is reported if it is probably present; otherwise it has an upper bound. T
 the kind of slow noise and filters are derived from the same models.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from imu_allan.arrays import Array
@@ -15,6 +15,8 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.posterior import estimates, thresholds_and_priors as thresholds
 from imu_allan.noise.posterior.estimates import Estimate, ReportedTrend
 from imu_allan.noise.posterior.posterior import Posterior
+from imu_allan.noise.posterior.random_walk_persists import random_walk_persists
+from imu_allan.noise.record.groups import Groups
 from imu_allan.noise.trends.regressors import RecordSpectrum
 from imu_allan.noise.trends.temperature_series import TemperatureSeries
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
@@ -38,10 +40,10 @@ class AxisReport:
     ----------
     estimates : dict
         By key of `TERMS`.
-    p_value : float
-        Chi-square probability of the half-octave residuals.
-    misfit : float
-        Largest relative misfit of a half-octave beyond its sampling error.
+    p_value, misfit : float
+        As in `Goodness`.
+    acceptable : bool
+        Whether the model describes enough of the spectrum, with tolerable residuals.
     window_s : float or None
         Effective averaging window of a low-pass, if there is one.
     passed : tuple of ndarray or None
@@ -60,14 +62,13 @@ class AxisReport:
     bias_step : BiasStep or None
     between : dict
         Standard deviation between parts of the record beyond their errors, by key of `TERMS`.
-    described : float
-        Share of the noise that the model describes.
 
     """
 
     estimates: dict[str, Estimate]
     p_value: float
     misfit: float
+    acceptable: bool
     window_s: float | None = None
     passed: tuple[Array, Array] | None = None
     edge_hz: float | None = None
@@ -78,13 +79,6 @@ class AxisReport:
     trend: Trend = field(default_factory=Trend)
     bias_step: BiasStep | None = None
     between: Mapping[str, float] = field(default_factory=dict)
-    described: float = 1.0
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether the model describes enough of the spectrum, with tolerable residuals."""
-        return self.described >= thresholds.LEAST_DESCRIBED and (
-            self.p_value > thresholds.DESCRIBED or self.misfit <= thresholds.TOLERATED_MISFIT)
 
     @property
     def values(self) -> dict[str, float]:
@@ -102,18 +96,16 @@ class AxisReport:
         bounds = {key: replace(self.estimates[key], observable=False) for key in keys}
         return replace(self, estimates={**self.estimates, **bounds})
 
-    def without_random_walk(self) -> 'AxisReport':
-        """Return the report with the random walk as an upper bound: it may have another cause."""
-        return replace(self.bounded('rate_random_walk'), random_walk_unclear=True)
-
 
 def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | None = None,
-             record: RecordSpectrum | None = None) -> AxisReport:
+             record: RecordSpectrum | None = None, quarters: Iterable[Sequence[Groups]] = ()
+             ) -> AxisReport:
     """
     Derive the report of one axis from its posterior.
 
     `dt`: sample interval in seconds. `temperature`: that the trends were made from. `record`: to
-    estimate the ramp from, including the uncertainty of other trends.
+    estimate the ramp from, including the uncertainty of other trends. `quarters`: of each record,
+    which have to confirm a random walk.
     """
     found = estimates.marginals(posterior, dt)
     sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (
@@ -133,10 +125,16 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
                    or abs(one.columns[0][0]) > NORMAL95 * one.columns[0][1])
     identified = (sigma.observable or exponent.observable or bool(moving) or ramp.observable
                   or found['rate_random_walk'].observable)
+    unclear = not identified and (
+        estimates.weight_of(posterior, estimates.drifts) > thresholds.REPORTED)
+    walk = found['rate_random_walk']
+    if walk.observable and not corner.observable and not random_walk_persists(
+            posterior, [*quarters], dt):
+        # It may have another cause.
+        found['rate_random_walk'], unclear = replace(walk, observable=False), True
     change, edge = posterior.change.typical, posterior.edge
     edge_hz = None if edge is None else float(posterior.models[0].spectra.frequency[edge - 1])
     filtered = estimates.filtered(posterior)
-    drifting = estimates.weight_of(posterior, estimates.drifts)
     by_kind = {one.trend.kind.key: one for one in moving}
     step, cycle, heat = (by_kind.get(key) for key in ('bias_step', 'slow_cycle', 'temperature'))
     warm = sorted((_warm_up(one) for one in moving if one.trend.kind.key == 'warm_up'),
@@ -148,16 +146,16 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         Ramp(ramp.value, ramp.interval) if ramp.observable else None, warm[0] if warm else None,
         _dependence(heat, temperature) if heat and temperature else None,
         warm[1] if len(warm) > 1 else None, 1 / cycle.trend.value if cycle else None)
+    goodness = posterior.goodness
     return AxisReport(
-        found, posterior.p_value, posterior.misfit,
+        found, goodness.p_value, goodness.misfit, goodness.acceptable,
         estimates.window_of(filtered, edge, dt) if filtered else None,
         estimates.passed_by(filtered) if filtered else None, edge_hz,
         corner.value if corner.observable else None, process if sigma.observable else None,
         law if exponent.observable else None, trend=trend,
-        random_walk_unclear=not identified and drifting > thresholds.REPORTED,
+        random_walk_unclear=unclear,
         bias_step=BiasStep(step.trend.value, step.columns[0][0]) if step else None,
-        between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {},
-        described=posterior.described)
+        between={'noise_density': found['noise_density'].value * change / 2} if change > 0 else {})
 
 
 def _warm_up(warming: ReportedTrend) -> WarmUp:
