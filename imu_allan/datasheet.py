@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import Literal
 
-from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.finding_messages import sentence_of
@@ -23,6 +22,7 @@ from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
+from imu_allan.noise.uncertainty import error_of_mean, mean_is_known
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
 from imu_allan.wording import duration

@@ -9,11 +9,10 @@ from math import exp, log, sqrt
 from statistics import median, median_high
 
 from imu_allan.arrays import Array
-from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
-from imu_allan.noise.uncertainty import log_with_error
+from imu_allan.noise.uncertainty import error_of_mean, log_with_error, mean_is_known
 from imu_allan.result import Result
 from imu_allan.wording import natural
 import numpy as np

@@ -23,7 +23,7 @@ from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.posterior.thresholds_and_priors import POSSIBLE
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import WHITE
-from imu_allan.noise.recording_time import Forecasts, further_times
+from imu_allan.noise.recording_time import further_times
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.uncertainty import below_curve, CERTAIN
@@ -183,7 +183,7 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     forecast = _forecast(fitted, dt, int(points.count[0]) + 1)
     coefficients = {
         key: replace(_coefficient(base.coefficients[key], fitted.estimates[key],
-                                  *forecast.get(key, (None, None))),
+                                  forecast.get(key)),
                      between=fitted.between.get(key)) for key in TERMS}
     curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
     if fitted.high_pass_hz is None:
@@ -204,20 +204,18 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
         trend=fitted.trend, stationarity=parts, coarse_step=step if coarse else None)), remarks
 
 
-def _forecast(fitted: AxisReport, dt: float, samples: int) -> Forecasts:
+def _forecast(fitted: AxisReport, dt: float, samples: int) -> dict[str, float | None]:
     """Return how much longer to record, for those coefficients that this would help."""
     if fitted.power_law is not None:
         # A longer record would also improve a power law, but there is no forecast of that.
         return {}
-    forecast = further_times(
+    # Of slow terms after a filter, and of a walk that something hides, the size is not known.
+    hopeless = SLOW_TERMS if fitted.high_pass_hz is not None else ['rate_random_walk'] * (
+        fitted.random_walk_unclear or fitted.bias_step is not None)
+    return further_times(
         {key: e.value if e.presence > POSSIBLE else 0.0 for key, e in fitted.estimates.items()},
-        {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt)
-    if fitted.high_pass_hz is not None:
-        return forecast | dict.fromkeys(SLOW_TERMS, (None, None))
-    if fitted.random_walk_unclear or fitted.bias_step is not None:
-        # A longer record would show what it is, but its size cannot be forecast.
-        return forecast | {'rate_random_walk': (None, None)}
-    return forecast
+        {key: e.observable for key, e in fitted.estimates.items()}, dt, samples * dt
+    ) | dict.fromkeys(hopeless)
 
 
 def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
@@ -248,14 +246,13 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
     return Stationarity(steady.steady, steady.p_value, tuple(segments))
 
 
-def _coefficient(unknown: Coefficient, estimate: Estimate, observable_in_s: float | None,
-                 ci_halves_in_s: float | None) -> Coefficient:
+def _coefficient(unknown: Coefficient, estimate: Estimate, further_s: float | None
+                 ) -> Coefficient:
     if estimate.observable:
-        return replace(unknown, observable=True, value=estimate.value,
-                       ci95=estimate.interval, ci_halves_in_s=ci_halves_in_s,
-                       presence=estimate.presence)
+        return replace(unknown, observable=True, value=estimate.value, ci95=estimate.interval,
+                       ci_halves_in_s=further_s, presence=estimate.presence)
     return replace(unknown, upper95=estimate.upper if np.isfinite(estimate.upper) else None,
-                   observable_in_s=observable_in_s, presence=estimate.presence)
+                   observable_in_s=further_s, presence=estimate.presence)
 
 
 def _signals(finished: Estimator, dt: float) -> list[Signal | None]:

@@ -11,9 +11,9 @@ at its start.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from imu_allan.characterization.accuracy_of_mean import error_of_mean, mean_is_known
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.noise.random_effects import random_effects
+from imu_allan.noise.uncertainty import error_of_mean, mean_is_known
 from imu_allan.result import AxisResult, TurnOnBias
 from imu_allan.state import Record
 

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp, sqrt
 
-from imu_allan.characterization.accuracy_of_mean import mean_is_known
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.characterization.noise_findings import length_findings, tone_findings
@@ -29,6 +28,7 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.noise.uncertainty import (
     leaked_share,
     log_with_error,
+    mean_is_known,
     widened,
     widened_interval,
 )

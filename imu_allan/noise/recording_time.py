@@ -9,21 +9,19 @@ from imu_allan.noise import spectrum
 from imu_allan.noise.terms import LASTING_TERMS
 import numpy as np
 
-Forecasts = dict[str, tuple[float | None, float | None]]
-
 
 def further_times(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
-                  duration_s: float) -> Forecasts:
+                  duration_s: float) -> dict[str, float | None]:
     """
     Forecast how much longer to record.
 
     `coefficients`: best SI value by key, including terms that are not observable yet.
     `observable`: which of them are observable. `duration_s`: length of the record so far in
-    seconds. Returns: two further times in seconds, by key. The first is until the term should
-    become observable, None if it is or if its size is unknown. The second is until its interval
-    should be half as wide, None if it is not observable. The limit is 4096 times the record.
+    seconds. Returns: further times in seconds, by key, until the interval of an observable term
+    should be half as wide, or until another one should become observable. None if the size of the
+    term is unknown, or beyond 4096 times the record.
     """
-    found: Forecasts = dict.fromkeys(LASTING_TERMS, (None, None))
+    found: dict[str, float | None] = dict.fromkeys(LASTING_TERMS)
     theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
         return found
@@ -31,11 +29,10 @@ def further_times(coefficients: Mapping[str, float], observable: Mapping[str, bo
     lengths: Array = duration_s * np.exp2(np.arange(13))
     errors = _standard_errors(theta, dt, lengths)
     for i, key in enumerate(LASTING_TERMS):
-        if theta[i] > 0 and observable.get(key):
-            found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2))
-        elif theta[i] > 0:
+        if theta[i] > 0:
             # With this likelihood ratio, a slow term is probable enough to be reported.
-            found[key] = (_first(lengths, errors[:, i], theta[i] / np.sqrt(5.5)), None)
+            wanted = errors[0, i] / 2 if observable.get(key) else theta[i] / np.sqrt(5.5)
+            found[key] = _first(lengths, errors[:, i], wanted)
     return found
 
 

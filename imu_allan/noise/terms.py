@@ -34,14 +34,8 @@ class Quantity(str, Enum):
         return 'rad/s' if self is Quantity.ANGULAR_VELOCITY else 'm/s^2'
 
 
-AXES: dict[str, Quantity] = {
-    'gyro_x': Quantity.ANGULAR_VELOCITY,
-    'gyro_y': Quantity.ANGULAR_VELOCITY,
-    'gyro_z': Quantity.ANGULAR_VELOCITY,
-    'accel_x': Quantity.LINEAR_ACCELERATION,
-    'accel_y': Quantity.LINEAR_ACCELERATION,
-    'accel_z': Quantity.LINEAR_ACCELERATION,
-}
+AXES = {f'{sensor}_{letter}': quantity
+        for sensor, quantity in zip(('gyro', 'accel'), Quantity, strict=True) for letter in 'xyz'}
 """The six axes of an Imu message, in the column order of every sample array."""
 
 

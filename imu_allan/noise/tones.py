@@ -17,7 +17,7 @@ from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.regression import about_mean
 from imu_allan.noise.record.bins import Bins
 from imu_allan.noise.record.groups import Groups, LEAST_OF_BLOCKS
-from imu_allan.noise.record.periodogram import longest_blocks, SpectrumSection
+from imu_allan.noise.record.periodogram import SpectrumSection
 from imu_allan.result import Tone
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
@@ -87,7 +87,9 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
     keep = np.ones(len(bins.frequency), dtype=bool)
     lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
-    longest = longest_blocks(sections)
+    # Length of the longest blocks for each number of samples per point
+    longest = {section.step: max(one.length for one in sections if one.step == section.step)
+               for section in sections}
     # Search the fastest part first, because its lines may alias into slower ones.
     for number in reversed(range(len(sections))):
         section = sections[number]

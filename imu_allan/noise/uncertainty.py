@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sources of uncertainty of the coefficients of an axis that its posterior does not include.
+The accuracy of means, and uncertainty of coefficients that the posterior does not include.
 
 The measured curve limits the noise at the slow end. A sensor that was rotated shows spurious slow
 terms, and undetected sample loss changes the noise density. Recordings of one axis may scatter
@@ -9,13 +9,13 @@ more than their intervals allow.
 """
 
 from dataclasses import replace
-from math import log
+from math import log, sqrt
 
 from imu_allan.arrays import Array
 from imu_allan.block import NEIGHBOURS
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.fitted_model import with_model_curve
-from imu_allan.noise.terms import SLOW_TERMS, TERMS
+from imu_allan.noise.terms import allan_variance, LASTING_TERMS, SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Curve
 import numpy as np
 
@@ -108,3 +108,27 @@ def widened_interval(found: Coefficient, factor: float) -> Coefficient:
     assert found.ci95 is not None
     low, high = ((bound / found.value)**factor * found.value for bound in found.ci95)
     return replace(found, ci95=(low, high))
+
+
+def mean_is_known(axis: AxisResult) -> bool:
+    """Return whether the error of the mean is known: not after a high-pass, and not without N."""
+    return axis.high_passed_hz is None and axis.coefficients['noise_density'].value is not None
+
+
+def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False) -> float:
+    """
+    Return the standard error of the mean of one axis over a record.
+
+    `axis`: a fitted axis for which `mean_is_known`; unobservable terms count as zero. `at_most`:
+    count unobservable lasting terms by their upper bounds, for the largest error. Returns: the
+    Allan deviation of the fitted terms at the length of the record. It says how well the mean of
+    one such record predicts that of the next. Zero without a record.
+    """
+    values = {key: found.value for key, found in axis.coefficients.items()
+              if found.value is not None}
+    if at_most:
+        values |= {key: bound for key in LASTING_TERMS if key not in values
+                   and (bound := axis.coefficients[key].upper95) is not None}
+    # A file may state 5e-324 s, over which the error of a mean is infinite.
+    with np.errstate(over='ignore'):
+        return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0

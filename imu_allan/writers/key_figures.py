@@ -14,11 +14,11 @@ from math import inf, pi
 from typing import Literal
 
 from imu_allan import wording
-from imu_allan.characterization.accuracy_of_mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, in_full, reasons_of, sensor_verdicts, title_of
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.uncertainty import error_of_mean
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import known_less_than, predicted_drift, VAGUE

@@ -52,7 +52,7 @@ def test_halving_takes_as_long_as_the_fisher_information_says(absent):
             whole = whole_time(coefficients, key, standard_errors(coefficients, LENGTH)[key] / 2)
             # Between octaves of the length it is interpolated.
             expected = pytest.approx(whole - LENGTH, abs=.04 * whole)
-        assert found[key] == (None, expected), key
+        assert found[key] == expected, key
 
 
 @pytest.mark.parametrize(('key', 'value'), [(B, 0.05), (K, 0.002)])
@@ -62,15 +62,14 @@ def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observ
     # Of a square that is zero 2 standard errors come once in 40 records, 3.5 once in 4000.
     first, last = (whole_time(coefficients, key, value**2 / errors) for errors in (2.0, 3.5))
     assert first > LENGTH
-    assert first < LENGTH + found[key][0] < last
-    assert found[key][1] is None
+    assert first < LENGTH + found[key] < last
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(('key', 'value'), [(B, 3e-4), slow(K, 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):
     coefficients = {N: 1e-3, key: value}
-    wait = further_times(coefficients, {N: True}, 0.05, 60.0)[key][0]
+    wait = further_times(coefficients, {N: True}, 0.05, 60.0)[key]
     samples = round((60 + wait) * 20)
     # Nor does it show in most records a sixth of that length.
     for count, lowest, highest in ((samples, 0.25, 1.01), (samples // 6, -0.01, 0.5)):

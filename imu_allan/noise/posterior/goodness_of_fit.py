@@ -14,16 +14,9 @@ from dataclasses import dataclass
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
-from imu_allan.noise.posterior import likelihood
-from imu_allan.noise.posterior.likelihood import log_low_pass, LOW, N, Rows, Spectra
+from imu_allan.noise.posterior import likelihood, thresholds_and_priors as thresholds
+from imu_allan.noise.posterior.likelihood import LOW, N, Rows, Spectra
 from imu_allan.noise.posterior.regression import residual_power
-from imu_allan.noise.posterior.thresholds_and_priors import (
-    DESCRIBED,
-    LEAST_DESCRIBED,
-    SHAPE_MEDIAN,
-    SHAPE_SPREAD,
-    TOLERATED_MISFIT,
-)
 from imu_allan.noise.record.groups import half_octaves
 import numpy as np
 
@@ -73,8 +66,8 @@ def goodness_of_fit(spectra: Spectra, row: Rows) -> Goodness:
     high = chi_square.upper(1e-3, count) / count
     low = chi_square.lower(1e-3, count) / count
     misfit = float(np.maximum(level - high, low - level).max(where=used, initial=0.0))
-    acceptable = _described(spectra, row, expected) >= LEAST_DESCRIBED and (
-        p_value > DESCRIBED or misfit <= TOLERATED_MISFIT)
+    acceptable = _described(spectra, row, expected) >= thresholds.LEAST_DESCRIBED and (
+        p_value > thresholds.DESCRIBED or misfit <= thresholds.TOLERATED_MISFIT)
     attenuation = _attenuation(spectra, row)
     divisors = np.ones_like(attenuation)
     if attenuation.any():
@@ -88,7 +81,7 @@ def goodness_of_fit(spectra: Spectra, row: Rows) -> Goodness:
             averaging @ (slopes[:, 0] / expected).T, prior_information[0, parameters])
         nominal_dof = np.bincount(octave, spectra.nominal_dof[row.spectrum[0]])[octave]
         divisors = 1 + nominal_dof * (error * attenuation)**2 / 2
-    if p_value < DESCRIBED:
+    if p_value < thresholds.DESCRIBED:
         divisors = _local_chi_square(normal)[octave] * divisors
     return Goodness(p_value, misfit, acceptable, divisors)
 
@@ -121,7 +114,8 @@ def _attenuation(spectra: Spectra, row: Rows) -> Array:
         # What attenuates the unexplained groups begins below them.
         attenuation = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
     if row.present[0, LOW]:
-        attenuation = np.maximum(attenuation, -log_low_pass(spectra, row))
+        [log_response], _ = spectra.tables.low_pass.interpolated(row.low_pass, row.x[:, LOW])
+        attenuation = np.maximum(attenuation, -log_response)
     return attenuation
 
 
@@ -140,7 +134,8 @@ def _shape_error(residual: Array, weight: Array, attenuation: Array, slopes: Arr
         prior_information + 1e-9)
     along = (weights * residual) @ slopes
     fitted = np.linalg.solve(information, along[:, :, None])[..., 0]
+    off = np.log(errors / thresholds.SHAPE_MEDIAN) / thresholds.SHAPE_SPREAD
     log_density = 0.5 * (
         np.log(weights).sum(axis=1) - weights @ residual**2 + (along * fitted).sum(axis=1)
-        - np.linalg.slogdet(information)[1] - (np.log(errors / SHAPE_MEDIAN) / SHAPE_SPREAD)**2)
+        - np.linalg.slogdet(information)[1] - off**2)
     return float(np.sqrt(np.average(errors**2, weights=np.exp(log_density - log_density.max()))))

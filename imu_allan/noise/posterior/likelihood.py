@@ -272,11 +272,6 @@ def model_spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     return np.maximum(sensor + output, 1e-300), jacobian, used
 
 
-def log_low_pass(spectra: Spectra, row: Rows) -> Array:
-    """Return the log power response of the low-pass of a single row, shape (groups,)."""
-    return np.asarray(spectra.tables.low_pass.interpolated(row.low_pass, row.x[:, LOW])[0][0])
-
-
 def _shared(index: Ints) -> Ints:
     """Shorten an index that is the same for all rows to one entry, so that nothing is copied."""
     return index[:1] if (index == index[0]).all() else index

@@ -83,13 +83,14 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     `rows`: models without trends, for each axis the best first. `records`: of each axis. Returns:
     a fit for each number of trends.
     """
-    searches = [_Search(spectra, axis, of_axis(rows, axis), starts[axis], AxisBank(bank, record))
-                for axis, record in enumerate(records) if record.duration_s > 0]
-    if not searches:
+    noises = {axis: rows_of(spectra, axis, _noises(
+        spectra, starts[axis], of_axis(rows, axis).take([0])))
+        for axis, record in enumerate(records) if record.duration_s > 0}
+    if not noises:
         return []
-    without = maximise_rows(spectra, Rows.joined([search.noises for search in searches]))
-    for search in searches:
-        search.begin(spectra, of_axis(without, search.axis))
+    without = maximise_rows(spectra, Rows.joined([*noises.values()]))
+    searches = [_Search(spectra, axis, AxisBank(bank, records[axis]), own, of_axis(without, axis),
+                        of_axis(rows, axis)) for axis, own in noises.items()]
     fits: list[Fitted] = []
     # Temperature, a cycle and a warm-up may act at once; a fourth trend would pass for noise.
     while len(fits) < 3 and (candidates := [
@@ -101,22 +102,23 @@ def fit_trends(spectra: Spectra, starts: Sequence[Start], rows: Rows,
 
 
 class _Search:
-    """Greedy search for the trends of one axis."""
+    """
+    Greedy search for the trends of one axis.
 
-    def __init__(self, spectra: Spectra, axis: int, rows: Rows, start: Start, bank: AxisBank
-                 ) -> None:
-        self.axis, self.bank, self._best = axis, bank, rows.take([0])
-        # Noise models to be fitted with every candidate
-        self.noises = rows_of(spectra, axis, _noises(spectra, start, self._best))
+    `noises`: models to be fitted with every candidate; `without`: the same, fitted without trends.
+    `rows`: all models without trends, the best first.
+    """
+
+    def __init__(self, spectra: Spectra, axis: int, bank: AxisBank, noises: Rows, without: Rows,
+                 rows: Rows) -> None:
+        self.axis, self.bank, self.noises = axis, bank, noises
         self._evidence = float(rows.evidence.max())
         self._chosen: tuple[Found, ...] = ()
         self._whitened: Whitened | None = None    # by the noise models to look with
         self._lag = np.zeros(1)    # gain that each of these must make up for
-
-    def begin(self, spectra: Spectra, without: Rows) -> None:
-        """Start from the noise models near the best, as fitted without trends."""
+        # Begin with the noise models near the best.
         near = without.take(without.evidence > without.evidence.max() - 30.0)
-        self._look_with(spectra, Rows.joined([self._best, near]))
+        self._look_with(spectra, Rows.joined([rows.take([0]), near]))
 
     def _look_with(self, spectra: Spectra, noises: Rows) -> None:
         self._whitened = self.bank.whitened(

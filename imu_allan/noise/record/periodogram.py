@@ -14,7 +14,6 @@ Splitting a record into blocks loses very little. For white noise and random wal
 first few coefficients of adjacent blocks are independent; for flicker, they are nearly so.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from imu_allan.arrays import Array, Ints
@@ -65,12 +64,6 @@ class SpectrumSection:
     def spacing_hz(self, dt: float) -> float:
         """Return the frequency spacing of the coefficients in Hz."""
         return 1 / (2 * self.length * self.step * dt)
-
-
-def longest_blocks(sections: Sequence[SpectrumSection]) -> dict[int, int]:
-    """Return the length of the longest blocks for each number of samples per point."""
-    return {section.step: max(one.length for one in sections if one.step == section.step)
-            for section in sections}
 
 
 def whole_section(points: Array, step: int = 1, top: float = 0.5, gaps: Gaps = NO_GAPS,
