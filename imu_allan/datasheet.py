@@ -12,12 +12,12 @@ the test bench ends as soon as the verdict is certain (`check_state`).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import Literal
 
 from imu_allan.characterization.axis_groups import FinishedRecord
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.finding_messages import sentence_of
+from imu_allan.finding_messages import FAULTS, of_axis, sentence_of
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
@@ -67,22 +67,19 @@ class Measured:
     remedy: str = 'record for longer'
 
 
-def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
+def fault_of(result: Result, name: str, density_limit: float | None) -> str | None:
     """Return a sentence on why an axis does not measure properly, or None."""
+    for found in result.warnings:
+        if found.code == 'frozen':
+            return f'the sensor was dead for a part of the recording: {sentence_of(found)}'
+    axis = result.axes.get(name)
     if axis is None:
         return 'the axis is missing: the result does not hold it'
-    if axis.constant:
-        value = 'the same' if axis.mean is None else f'{axis.mean:.6g} {axis.unit}'
-        return f'the axis is constant: every sample is {value}'
-    if (span := axis.stood_still) is not None:
-        return (f'the axis is dead for {duration(span.duration_s)} from '
-                f'{duration(span.start_s)} on: it gives one value all that time')
-    if axis.saturated is not None:
-        return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
-                f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
-    if axis.deadband is not None:
-        return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
-                'exactly 0, noise is higher than it seems')
+    if axis.fault is not None:
+        # A file may hold the fault without the finding.
+        why = ''.join(f': {sentence_of(of_axis(found, name))}' for found in result.warnings
+                      if found.code == FAULTS[axis.fault] and name in found.axes)
+        return f'the axis is {axis.fault}{why}'
     # Fewer than 1 in 200 samples then differs, so a thousand in a row may be equal.
     if (ratio := _steps_of_noise(axis)) > 15.0:
         return (f'the axis is all but constant: its output steps by {axis.coarse_step:.3g} '
@@ -93,12 +90,6 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
         return (f'the axis is dead: its noise density is {highest:.2g} {density.unit} at most, '
                 'less than a thousandth of the limit')
     return None
-
-
-def stopped(result: Result) -> str | None:
-    """Return a sentence if the whole sensor gave no new samples for a part of the recording."""
-    return next((f'the sensor was dead for a part of the recording: {sentence_of(remark)}'
-                 for remark in result.warnings if remark.code == 'frozen'), None)
 
 
 def unreliable(result: Result, axis: str) -> str | None:
@@ -287,8 +278,7 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
         'turn on', 'turn-on')
     unit = TERMS[key].unit(quantity) if key in TERMS else quantity.unit + LIMITS[key]
     written = specification.as_written.get(axis, {}).get(key) or f'{limit!r} {unit}'
-    fault = stopped(result) or fault_of(
-        result.axes.get(axis), specification.axes.get(axis, {}).get('noise_density'))
+    fault = fault_of(result, axis, specification.axes.get(axis, {}).get('noise_density'))
     measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
     outcome, reason = _decide(measured, limit, printable(written), fault)
     value = measured.value
@@ -346,18 +336,15 @@ def check_state(result: Result, records: Sequence[FinishedRecord | None],
     their own.
     """
     verdicts = check(result, specification, shortest_s=shortest_s)
-    recorded = float('inf')
-    fits: dict[str, AxisFit | None] = {}
-    for record in records:
-        if record is None or record.samples < SMALLEST_RECORD:
-            return CheckState(False, tuple(_open(verdict) for verdict in verdicts),
-                              result.timeline.duration_s)
-        recorded = min(recorded, record.samples / record.rate_hz)
-        fits |= record.fits
+    known = [record for record in records
+             if record is not None and record.samples >= SMALLEST_RECORD]
+    if len(known) < len(records):
+        return CheckState(False, tuple(map(_open, verdicts)), result.timeline.duration_s)
+    recorded = min((record.samples / record.rate_hz for record in known), default=inf)
     tested = ('quantization_noise', *LASTING_TERMS)   # keys of the sequential test
     limited = sum(verdict.key in tested for verdict in verdicts)
     # The test applies to the terms of the sensor, not to what a high-pass filter leaves of them.
-    raw = {name: fit for name, fit in fits.items()
+    raw = {name: fit for record in known for name, fit in record.fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
     settled = []
     for verdict in verdicts:

@@ -169,9 +169,9 @@ def dead_about_zero(rows):
 
 @pytest.mark.parametrize(('code', 'spoil', 'reason'), [
     ('saturated', cut_off, 'the axis is saturated: 50.0 % of the samples stand at <number> m/s^2, '
-     'noise is higher than it seems'),
-    ('deadband', dead_about_zero, 'the axis has a deadband: 9<number> % of the samples are '
-     'exactly 0, noise is higher than it seems')])
+     'the highest value: the output is cut off there'),
+    ('deadband', dead_about_zero, 'the axis is zeroed: 9<number> % of the samples are exactly 0, '
+     'and none lies between 0 and <number> rad/s: the driver gives small values as 0')])
 def test_an_axis_at_fault_is_reported_in_a_result_that_fails_its_limit(code, spoil, reason):
     rows = still_imu(20_000)
     names, values = spoil(rows)
