@@ -232,7 +232,7 @@ def _grouped(findings: Sequence[Finding]) -> list[Finding]:
     groups: dict[str, list[Finding]] = {}
     for place, found in enumerate(findings):
         key = repr((found.code, found.severity, *(
-            (name, value < 0 if _is_number(value) else value)
+            (name, value < 0 if is_of_kind(value, float) else value)
             for name, value in sorted(found.values.items()))))
         # A second one on the same axis stays apart.
         if len(found.axes) != 1 or any(one.axes == found.axes for one in groups.get(key, ())):
@@ -250,10 +250,6 @@ def _joined(same: Sequence[Finding]) -> Finding:
         each = [found.values[name] for found in same]
         values[name] = each[0] if all(value == each[0] for value in each) else each
     return replace(same[0], axes=axes, values=values)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _about(found: Finding) -> str:

@@ -8,27 +8,28 @@ They are curves, spectra and axis limits; nothing here depends on how they are d
 
 from collections.abc import Iterable, Mapping
 from math import inf
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from imu_allan.arrays import Array
 from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
 from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
-from imu_allan.result import AxisResult, Coefficient, Result, Signal, Spectrum, Timeline
+from imu_allan.result import AxisResult, Coefficient, Signal, Spectrum, Timeline
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
 
-
-def by_sensor(result: Result) -> dict[str, dict[str, AxisResult]]:
-    """Return the axes of gyro and accel by name, of those that are in the result."""
-    return {sensor: axes for sensor in SENSORS if (axes := axes_of(result, sensor))}
+T = TypeVar('T')
 
 
-def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
-    """Return the axes of gyro or accel by name, in order."""
-    return {name: result.axes[name] for name in AXES
-            if name.startswith(sensor) and name in result.axes}
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """Return what is known of axes, apart for gyro and accel, if there is any of them."""
+    return {sensor: own for sensor in SENSORS if (own := axes_of(axes, sensor))}
+
+
+def axes_of(axes: Mapping[str, T], sensor: str) -> dict[str, T]:
+    """Return what is known of the axes of gyro or accel, in order."""
+    return {name: axes[name] for name in AXES if name.startswith(sensor) and name in axes}
 
 
 def coefficients_of(axis: AxisResult) -> dict[str, float]:

@@ -291,6 +291,6 @@ def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
 
 def _worst(result: Result, sensor: str, key: str) -> str:
     """Return the largest value of the axes as text or, without values, the largest bound."""
-    axes = axes_of(result, sensor)
+    axes = axes_of(result.axes, sensor)
     worst = worst_of(axes, key)
     return '' if worst is None else reported(axes[worst].coefficients[key])[0]

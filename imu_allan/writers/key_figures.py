@@ -82,7 +82,7 @@ def figures_of(result: Result, aiding_s: float = AIDING_S, coast_s: float = COAS
                ) -> list[KeyFigures]:
     """Return the key figures of each sensor in the result of one recording."""
     found = []
-    for sensor, axes in by_sensor(result).items():
+    for sensor, axes in by_sensor(result.axes).items():
         known = {name: axis for name, axis in axes.items()
                  if axis.drift_model is not None and not axis.constant}
         tunings = {}
@@ -210,7 +210,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     lines = []
     for sensor, verdict in sensor_verdicts(result).items():
         if verdict.verdict == 'good':
-            numbers = _numbers(axes_of(result, sensor), result.rest_of(sensor), units)
+            numbers = _numbers(axes_of(result.axes, sensor), result.rest_of(sensor), units)
             lines.append(f'{wording.SENSORS[sensor]}: {numbers}')
         else:
             said = [f'{wording.SENSORS[sensor]}: {VERDICT_TEXT[verdict.verdict]}: {reason}.'

@@ -76,7 +76,7 @@ def overview_png(result: Result) -> bytes:
 def overview_figure(result: Result) -> 'Figure':
     """Draw the Allan deviation of all axes, coefficients above and signal below, on one sheet."""
     with panels.plot_style():
-        sensors = curves.by_sensor(result)
+        sensors = curves.by_sensor(result.axes)
         halves = max(1, len(sensors))
         live = [sensor for sensor, axes in sensors.items()
                 if any(any(axis.curve.adev) for axis in axes.values())]
@@ -105,7 +105,7 @@ def overview_figure(result: Result) -> 'Figure':
 
 def sensor_figure(result: Result, sensor: str) -> 'Figure':
     """Draw Allan deviation with terms, spectrum and signal of the axes of one sensor."""
-    axes = curves.axes_of(result, sensor)
+    axes = curves.axes_of(result.axes, sensor)
     with panels.plot_style():
         # Of fewer axes it is no narrower, since heading and labels take the same space.
         figure = panels.empty_figure(5.2 * 3 + 0.6, 11.2)
@@ -147,12 +147,8 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',
                 va='center')
-    reasons = {'every sample is the same, there is no noise to draw':
-               [name for name, axis in axes.items() if axis.constant],
-               'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
-    figure.text(left, 1 - 1.35 / top, '; '.join(
-        f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
-        color=panels.COLOURS['soft'], va='center')
+    figure.text(left, 1 - 1.35 / top, f'{wording.named([*axes])}: every sample is the same, there '
+                'is no noise to draw', color=panels.COLOURS['soft'], va='center')
 
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:
@@ -201,7 +197,7 @@ def _write_heading(figure: 'Figure', result: Result, what: str = '') -> None:
         title = f'{what}   {title}'
         key += '.  Dashed: its terms.  Ring: where the coefficient is read'
     if any(curves.beyond(axes.values(), curves.limits_of(axes.values(), rings=bool(what)))
-           for axes in curves.by_sensor(result).values()):
+           for axes in curves.by_sensor(result.axes).values()):
         key += ';  arrow: a point beyond'
     top = figure.get_figheight()
     for text, below, size, colour, weight in (
@@ -223,8 +219,7 @@ def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str
                        panels.SERIES if few else panels.SERIES[1:], strict=False))
     drawn = {name: axes for name in AXES if (axes := {
         unit: results[unit].axes[name] for unit in fleet.units if name in results[unit].axes})}
-    sensors = {sensor: [name for name in drawn if name.startswith(sensor)] for sensor in
-               dict.fromkeys(name.partition('_')[0] for name in drawn)}
+    sensors = curves.by_sensor(drawn)
     rows = max(1, len(sensors))
     height = 0.9 + 3.7 * rows
     with panels.plot_style():
@@ -241,9 +236,9 @@ def curves_figure(results: Mapping[str, Result], fleet: 'Population', title: str
                     va='center', color=panels.COLOURS['soft'])
         named: dict[str, Line2D] = {}
         for row, (sensor, own) in enumerate(sensors.items()):
-            limits = curves.limits_of([axis for name in own for axis in drawn[name].values()])
-            for column, name in enumerate(own):
-                axes, panel = drawn[name], figure.add_subplot(grid[row, column])
+            limits = curves.limits_of([axis for axes in own.values() for axis in axes.values()])
+            for column, (name, axes) in enumerate(own.items()):
+                panel = figure.add_subplot(grid[row, column])
                 panels.frame(panel, sensor, limits, left=column == 0, right=column == len(own) - 1)
                 panel.set_title(wording.spoken(name), loc='left')
                 if not few:

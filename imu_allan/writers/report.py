@@ -32,7 +32,7 @@ from imu_allan.writers.pages import rendered, text_of
 def report_html(result: Result) -> str:
     """Return the report of one result."""
     found, timeline = key_figures.figures_of(result), result.timeline
-    tables = by_sensor(result)
+    tables = by_sensor(result.axes)
     tunings = {name: tuning for figures in found for name, tuning in figures.tunings.items()}
     allan = [charts.allan_chart(sensor, axes, timeline) for sensor, axes in tables.items()]
     # Group the other charts by kind, each for both sensors.

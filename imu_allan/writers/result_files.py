@@ -13,7 +13,7 @@ import io
 import json
 import os
 from pathlib import Path
-from typing import NoReturn, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from imu_allan.errors import brief, ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
@@ -63,7 +63,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
             f'{path}: cannot be read ({error.strerror or error}); give the path of a result file, '
             'written by: imu_allan analyze RECORDING --json FILE') from error
     try:
-        document = json.loads(data.decode(), parse_constant=_no_constant)
+        document = json.loads(data.decode())
     except (ValueError, RecursionError) as error:
         raise ImuAllanError(f'{path}: not JSON; give a result file, '
                             'written by: imu_allan analyze RECORDING --json FILE') from error
@@ -107,10 +107,6 @@ def curves_csv(result: Result) -> str:
             writer.writerow((name, axis.unit, tau, curve.adev[i], *curve.ci68[i], *curve.ci95[i],
                              curve.edf[i], curve.model_adev[i]))
     return text.getvalue()
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f'{name} is not JSON')
 
 
 def _consistent(axis: AxisResult, name: str) -> bool:
@@ -178,7 +174,7 @@ def report_files(result: Result, formats: Sequence[str]) -> atomic.Files:
     files: atomic.Files = {
         'report.html': lambda: report_html(result).encode(),
         **_plots(lambda: plot.overview_figure(result), 'allan_deviation', formats)}
-    for sensor in by_sensor(result):
+    for sensor in by_sensor(result.axes):
         files |= _plots(partial(plot.sensor_figure, result, sensor), sensor, formats)
     return files
 

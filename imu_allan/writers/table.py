@@ -99,7 +99,7 @@ def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int,
 def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, verbose: bool,
            named: bool, tuned: bool, tall: bool) -> list[list[Text]]:
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
-    axes = axes_of(result, figures.sensor)
+    axes = axes_of(result.axes, figures.sensor)
     quantity, si, rows = AXES[next(iter(axes))], units == 'si', []
     filters = {symbol: value for symbol, value, _ in figures.for_filter if tuned}
     for term in TERMS.values():

@@ -32,6 +32,7 @@ from imu_allan.tuning.forecast import (
 )
 from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
+from imu_allan.writers.curves import by_sensor
 from imu_allan.writers.key_figures import CALIBRATION_S, verdict_lines
 from imu_allan.writers.terminal import bare_table
 import numpy as np
@@ -76,14 +77,15 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias) ->
     if aiding_s * (rate_hz := result.timeline.sample_rate_hz or np.inf) < 1 - 1e-6:
         parts.append(Text(f'That is faster than the samples of this recording, {rate_hz:.6g} Hz: '
                           'noise between two of them is taken for white.'))
-    for title, axes in _by_sensor(result).items():
+    for sensor, axes in by_sensor(known_axes(result)).items():
         axis = next(iter(axes.values()))
         noise, drift = (axis.coefficients[key].unit
                         for key in ('noise_density', 'rate_random_walk'))
         # The rows with measured coefficients give K even if the filter uses a Gauss-Markov bias.
         second = ('filter K', f'filter K {drift}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {drift}')
-        parts.append(Text(f'\n{title}: filter N {noise}, {second[1]}, predicted {axis.unit}'))
+        parts.append(Text(f'\n{SENSORS[sensor]}: filter N {noise}, {second[1]}, '
+                          f'predicted {axis.unit}'))
         table = bare_table('', 'numbers', 'filter N', second[0], 'NIS', 'error', 'predicted')
         for name, axis in axes.items():
             bound = not axis.coefficients['rate_random_walk'].observable
@@ -97,11 +99,6 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias) ->
         'far below 1 useless as a bound. Predicted: the error itself, one standard deviation.',
         'dim'))
     return Group(*parts)
-
-
-def _by_sensor(result: Result) -> dict[str, dict[str, AxisResult]]:
-    return {title: own for sensor, title in SENSORS.items() if (own := {
-        name: axis for name, axis in known_axes(result).items() if name.startswith(sensor)})}
 
 
 def _cells(choice: Mapping[str, Any], bias: Bias, *, bound: bool) -> list[str]:
@@ -145,13 +142,13 @@ def sentences(result: Result, coast_s: float) -> list[str]:
 def _steadiness(result: Result, coast_s: float) -> list[str]:
     """Describe how much another day may differ, and what changed within the recording."""
     spans = []
-    for title, axes in _by_sensor(result).items():
+    for sensor, axes in by_sensor(known_axes(result)).items():
         spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
                      for axis in axes.values())
         by = float(np.exp(2 * chi_square.NORMAL95 * min(spread, 100.0)))
         # Beyond this factor, a squared error counts as unknown.
-        spans.append(f'{number(1 / by, 2)} to {number(by, 2)} times ({title.lower()})'
-                     if by < 100.0 else f'any number of times ({title.lower()})')
+        spans.append(f'{number(1 / by, 2)} to {number(by, 2)} times ({SENSORS[sensor].lower()})'
+                     if by < 100.0 else f'any number of times ({SENSORS[sensor].lower()})')
     return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
             'as large as here (95 %): sensors change, and a recording is short.',
             *(f'Not steady: {sentence_of(found)}.' for found in for_display(result.warnings)

@@ -128,9 +128,7 @@ class Numbers:
         if options.as_measured and options.conservative:
             raise ImuAllanError('--conservative is a way to tune, --as-measured does without: '
                                 'give one of the two')
-        self.tunings: dict[str, FilterTuning] = {}
-        if not options.as_measured and self.aiding_s is not None:
-            self._tune(self.aiding_s)
+        self.tunings = self._tunings()
         self.coefficients = {axis: _measured(found, consumer.bias, self.coast_s)
                              for axis, found in result.axes.items()}
         if self.of_datasheet and self.aiding_s is not None and not options.as_measured:
@@ -150,8 +148,8 @@ class Numbers:
 
     def known(self, sensor: Sensor, key: Key) -> dict[str, Number]:
         """Return this number for the axes of a sensor that have it."""
-        return {name: self.of_axis[name][key] for name in axes_of(self.result, sensor)
-                if key in self.of_axis[name]}
+        return {name: numbers[key] for name, numbers in axes_of(self.of_axis, sensor).items()
+                if key in numbers}
 
     def worst(self, sensor: Sensor, key: Key) -> tuple[str, Number] | None:
         """
@@ -206,7 +204,7 @@ class Numbers:
     def rate(self, sensor: Sensor | None = None) -> float:
         """Return the rate of the consumer, or of the messages of a sensor."""
         of_messages = None if sensor is None or not self.consumer.per_message else next(
-            (axis.sample_rate_hz for axis in axes_of(self.result, sensor).values()
+            (axis.sample_rate_hz for axis in axes_of(self.result.axes, sensor).values()
              if axis.sample_rate_hz is not None), None)
         rate = (self.options.rate_hz or of_messages or self.consumer.predicts_hz
                 or self.result.timeline.sample_rate_hz)
@@ -215,20 +213,22 @@ class Numbers:
                                 'which this result does not have; give it with --rate HZ')
         return rate
 
-    def _tune(self, aiding_s: float) -> None:
-        axes = {name: axis for name, axis in self.result.axes.items()
-                if axis.drift_model is not None}
+    def _tunings(self) -> dict[str, FilterTuning]:
+        """Return the tuned numbers of axes with a drift model; none if measured ones are asked."""
+        aiding_s, options = self.aiding_s, self.options
+        if options.as_measured or aiding_s is None:
+            return {}
 
-        def tuned(axis: AxisResult, time_s: float | None) -> FilterTuning:
-            return tune(axis, aiding_s, self.coast_s, self.consumer.bias,
-                        self.options.conservative, time_s)
+        def tuned(time_s: float | None = None) -> dict[str, FilterTuning]:
+            return {name: tune(axis, aiding_s, self.coast_s, self.consumer.bias,
+                               options.conservative, time_s)
+                    for name, axis in self.result.axes.items() if axis.drift_model is not None}
 
-        common: float | None = None
-        if self.consumer.one_time and axes:
-            # Of the correlation times that the axes would choose separately.
-            common = median_high(tuned(axis, None).correlation_time_s or 0.0
-                                 for axis in axes.values())
-        self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
+        found = tuned()
+        if not (self.consumer.one_time and found):
+            return found
+        # Of the correlation times that the axes choose separately.
+        return tuned(median_high(one.correlation_time_s or 0.0 for one in found.values()))
 
     def _let_the_bias_follow_slow_noise(self) -> None:
         """Give axes the bias that is as large as all their slow noise after the unaided time."""

@@ -105,7 +105,7 @@ def gazebo(numbers: Numbers) -> str:
     tags: dict[Sensor, str] = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
     for sensor, tag in tags.items():
         lines.append(f'  <{tag}>')
-        for name in axes_of(numbers.result, sensor):
+        for name in axes_of(numbers.result.axes, sensor):
             noise = expanded(numbers, f"""    <{name[-1]}><noise type="gaussian">
       <mean>0</mean>
       <stddev>{{{name} N sqrt(f)}}</stddev>""")

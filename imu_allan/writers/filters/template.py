@@ -307,7 +307,7 @@ def _consistency(numbers: Numbers) -> list[str]:
     lines = []
     for sensor in SENSORS:
         given = {name: numbers.given(sensor, name)
-                 for name, axis in axes_of(numbers.result, sensor).items()
+                 for name, axis in axes_of(numbers.result.axes, sensor).items()
                  if axis.drift_model is not None and numbers.of_axis[name]}
         met = [assess(numbers.result.axes[name], own['N'].value, own['K'].value, aiding_s,
                       coast_s, own['Tc'].value if 'Tc' in own else None)
@@ -323,10 +323,10 @@ def _consistency(numbers: Numbers) -> list[str]:
 
 def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
     """Return which axes have no numbers, and why."""
-    if not axes_of(numbers.result, sensor):
+    if not axes_of(numbers.result.axes, sensor):
         return [f'This result has no {SENSORS[sensor]}: its numbers are left out.']
     said = []
-    for name, axis in axes_of(numbers.result, sensor).items():
+    for name, axis in axes_of(numbers.result.axes, sensor).items():
         if axis.high_passed_hz is not None:
             said.append(f'{name} has come through a FILTER that takes out its slow part: it '
                         'is in none of the numbers below; take the raw topic')
