@@ -41,7 +41,7 @@ class Bins:
     @cached_property
     def band(self) -> Ints:
         """Return the number of the narrow band of each bin, which is the same for all axes."""
-        return narrow_bands(self.frequency, self.step, self.whole)
+        return narrow_bands(self.index / (self.length * self.step), self.step, self.whole)
 
 
 def narrow_bands(frequency: Array, step: Array, whole: Bools) -> Ints:
