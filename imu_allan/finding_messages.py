@@ -194,10 +194,8 @@ def of_axis(found: Finding, axis: str) -> Finding:
 def together(same: Sequence[Finding], sensor: str) -> Finding:
     """Return what findings of one code say about a sensor, with the figures that all have."""
     each = [of_axis(found, axis).of(axis) for found in same for axis in found.axes
-            if axis.startswith(sensor)] or [*same]
-    names = set.intersection(*({*found.values} for found in each))
-    return _joined([replace(found, values={
-        name: value for name, value in found.values.items() if name in names}) for found in each])
+            if axis.startswith(sensor)]
+    return _joined(each or same)
 
 
 def for_display(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -247,8 +245,9 @@ def _joined(same: Sequence[Finding]) -> Finding:
     axes = tuple(axis for found in same for axis in found.axes)
     values: dict[str, Any] = {}
     for name in same[0].values:
-        each = [found.values[name] for found in same]
-        values[name] = each[0] if all(value == each[0] for value in each) else each
+        each = [found.values[name] for found in same if name in found.values]
+        if len(each) == len(same):
+            values[name] = each[0] if all(value == each[0] for value in each) else each
     return replace(same[0], axes=axes, values=values)
 
 

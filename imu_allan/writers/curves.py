@@ -226,18 +226,13 @@ def beyond(axes: Iterable[AxisResult], limits: tuple[float, float]) -> bool:
 
 def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
     """Return the density limits to show: about the model, with strong lines cut off."""
-    low, high = inf, 0.0
+    shown: list[float] = []
     for axis in axes:
         _, model = model_density(axis, timeline, 60)
-        model = model[model > 0]
-        if len(model):
-            low, high = min(low, float(model.min())), max(high, float(model.max()))
-        if axis.spectrum is not None:
-            measured = np.array([value for value in axis.spectrum.psd if value > 0])
-            if len(measured):
-                low = min(low, float(np.quantile(measured, 0.1)))
-                high = max(high, float(np.quantile(measured, 0.95)))
-    return (low / 4, high * 8) if high > 0 else (0.1, 10.0)
+        shown += model[model > 0].tolist()
+        if seen := [value for value in (axis.spectrum.psd if axis.spectrum else ()) if value > 0]:
+            shown += np.quantile(seen, (0.1, 0.95)).tolist()
+    return (min(shown) / 4, max(shown) * 8) if shown else (0.1, 10.0)
 
 
 def over_time(signal: Signal | None) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ from imu_allan.fleet import (
     Trait,
 )
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import Result
+from imu_allan.result import Inspection, Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import counted, listed, named, number, ranged, rounded
@@ -104,8 +104,7 @@ class Fleet:
 
     def serial(self, unit: str) -> str | None:
         """Return the serial number entered for a unit."""
-        inspection = self.results[unit].inspection
-        return None if inspection is None else inspection.serial
+        return (self.results[unit].inspection or Inspection()).serial
 
 
 def quantity_name(axis: str, key: str) -> str:

@@ -19,7 +19,7 @@ from imu_allan.finding import Finding
 from imu_allan.finding_messages import for_display, in_full, reasons_of, sensor_verdicts, title_of
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.uncertainty import error_of_mean
-from imu_allan.result import AxisResult, Coefficient, Result
+from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import known_less_than, predicted_drift, VAGUE
 from imu_allan.tuning.tune import FilterTuning, tune
@@ -111,14 +111,13 @@ def _for_filter(axes: Mapping[str, AxisResult], tunings: Collection[FilterTuning
 
 def _forecast(sensor: str, axes: Mapping[str, AxisResult], coast_s: float) -> tuple[str, str]:
     """Format angle or position of the worst axis, and its interval, in a unit that gives 1."""
-    found = []
+    found: list[tuple[float, Interval]] = []
     for axis in axes.values():
         with suppress(ImuAllanError):
             drift = predicted_drift(axis, (coast_s,), CALIBRATION_S)
-            if sensor == 'gyro':
-                found.append((drift.integral[0], drift.integral_ci95[0]))
-            elif drift.position is not None and drift.position_ci95 is not None:
-                found.append((drift.position[0], drift.position_ci95[0]))
+            values, intervals = ((drift.integral, drift.integral_ci95) if sensor == 'gyro' else
+                                 (drift.position, drift.position_ci95))
+            found += zip(values or (), intervals or (), strict=True)
     if not found:
         return '', ''
     value, interval = max(found)

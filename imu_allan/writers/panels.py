@@ -142,19 +142,17 @@ def draw_curve(panel: Axes, axis: AxisResult, colour: str, marker: str = 'o',
                    transform=panel.transAxes, color=colour)
         return
     fine, model = tau, np.array(curve.model_adev)
+    low, high = np.array(curve.ci95)[seen].T
+    band = tau[seen], np.maximum(low, adev[seen] * 1e-3), high
     if timeline is not None:
         drawn = curves.model_curve(axis, timeline)
         # Short dashes, since the dashes of the models of three axes are longer.
         panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=(0, (2, 2)),
                    zorder=2.8)
-    if timeline is not None and model.any():
-        fine, model, _ = drawn
-        panel.fill_between(fine, *curves.expected_band(axis, fine, model), color=colour,
-                           alpha=0.17, linewidth=0, zorder=2)
-    else:
-        low, high = np.array(curve.ci95).T
-        panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
-                           color=colour, alpha=0.17, linewidth=0, zorder=2)
+        if model.any():
+            fine, model, _ = drawn
+            band = fine, *curves.expected_band(axis, fine, model)
+    panel.fill_between(*band, color=colour, alpha=0.17, linewidth=0, zorder=2)
     fitted = (model > 0) & (fine >= curves.shortest_fitted_s(axis))
     panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, linestyle=dashes,
                zorder=3)

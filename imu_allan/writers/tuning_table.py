@@ -8,6 +8,7 @@ There are four sets of filter numbers. Their performance in another recording co
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from itertools import groupby
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
@@ -178,13 +179,8 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> 
     """Return tables of how filters with the numbers of one recording performed in another."""
     second = 'K' if bias == 'random_walk' else 'sigma'
     # Sensors of different rates, or of different times at rest, have tables of their own.
-    by_times: dict[Any, dict[str, FieldTest]] = {}
-    for name, one in found.items():
-        times = (*(row.interval_s for row in one.full.innovations),
-                 *(row.horizon_s for row in one.full.coasts))
-        by_times.setdefault((one.tested_s, one.stops, times), {})[name] = one
-    tables = [part for axes in by_times.values()
-              for part in (Text(''), *_field_test_table(axes, other, second))]
+    tables = [part for _, same in groupby(found.items(), key=lambda item: _times_of(item[1]))
+              for part in (Text(''), *_field_test_table(dict(same), other, second))]
     return Group(
         *tables[1:],
         Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
@@ -194,6 +190,11 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, bias: Bias) -> 
         Text(f'N, {second} times: the root of the first NIS, and the last error over the '
              'predicted one, with 95 % intervals. Above 1 with motors or wheels running, they '
              'are what the motion adds: put them into --inflate.', 'dim'))
+
+
+def _times_of(one: FieldTest) -> tuple[float, ...]:
+    return (one.tested_s, one.stops, *(row.interval_s for row in one.full.innovations),
+            *(row.horizon_s for row in one.full.coasts))
 
 
 def _field_test_table(found: Mapping[str, FieldTest], other: str, second: str
