@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import copysign, hypot
-from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet import faults
@@ -23,9 +22,8 @@ from imu_allan.sensor.units import engineering
 from imu_allan.wording import counted, listed, ranged, SENSORS, spoken
 from imu_allan.writers.curves import reported
 from imu_allan.writers.terminal import bare_table
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from rich.table import Table
+from rich.text import Text
 
 
 @dataclass(frozen=True)
@@ -114,10 +112,8 @@ def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: s
             f'{"interval" if intervals == "1" else "intervals"})')
 
 
-def difference_table(differences: Sequence[Difference]) -> 'Table':
+def difference_table(differences: Sequence[Difference]) -> Table:
     """Format the differences as a table for a terminal."""
-    from rich.text import Text
-
     others = list(dict.fromkeys(one.other for one in differences))
     alone = len(others) == 1
     table = bare_table('axis', 'term', 'unit', Text(printable(differences[0].reference)), *(

@@ -15,7 +15,7 @@ import json
 import os
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from imu_allan import wording
 from imu_allan.errors import printable
@@ -42,9 +42,7 @@ from imu_allan.writers.pages import rendered
 from imu_allan.writers.panels import COLOURS, SERIES
 from imu_allan.writers.plot import curves_figure, render
 from imu_allan.writers.terminal import bare_table, wrapped
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
+from rich.console import Group, RenderableType
 
 
 @dataclass(frozen=True)
@@ -137,10 +135,8 @@ def _by_difference(outlier: Outlier) -> bool:
     return outlier.key in (MEAN, 'rate_ramp') or outlier.median == 0
 
 
-def population_table(fleet: Fleet, width: int = 80) -> 'RenderableType':
+def population_table(fleet: Fleet, width: int = 80) -> RenderableType:
     """Return a fleet for a terminal; outliers come last, next to the prompt."""
-    from rich.console import Group
-
     parts: list[RenderableType] = []
     if fleet.population.traits:
         table = bare_table('axis', 'term', 'unit', 'centre', '5 .. 95 %', 'spread', 'error',
