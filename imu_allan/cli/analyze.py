@@ -223,7 +223,8 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
             if not first:
                 print(file=table)
             console = console_of(table)
-            console.print(result_table(result, console.width, args.units, verbose=args.verbose))
+            console.print(result_table(
+                result, console.width, si=args.units == 'si', verbose=args.verbose))
         table.flush()
         print('\n'.join(configurations), end='')
         sys.stdout.flush()

@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Literal
 
 from imu_allan import wording
 from imu_allan.errors import ImuAllanError
@@ -32,7 +31,6 @@ COAST_S = 60.0
 """Longest unaided time in seconds, the default of the exporters: an outage in a tunnel."""
 CALIBRATION_S = 60.0
 """Seconds for which a robot typically stands still before a run."""
-Units = Literal['datasheet', 'si']
 COLUMNS = 80
 """Of the narrowest terminal that has a whole screen."""
 VERDICT_TEXT = {'good': 'good', 'with_care': 'use with care', 'not_usable': 'not usable'}
@@ -200,7 +198,7 @@ def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
                               for value in (mean, mean - half, mean + half)))
 
 
-def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
+def verdict_lines(result: Result, *, si: bool = False) -> list[str]:
     """
     Return a line with the verdict on each sensor, based on its worst axis.
 
@@ -209,7 +207,7 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     lines = []
     for sensor, verdict in sensor_verdicts(result).items():
         if verdict.verdict == 'good':
-            numbers = _numbers(axes_of(result.axes, sensor), result.rest_of(sensor), units)
+            numbers = _numbers(axes_of(result.axes, sensor), result.rest_of(sensor), si=si)
             lines.append(f'{wording.SENSORS[sensor]}: {numbers}')
         else:
             said = [f'{wording.SENSORS[sensor]}: {VERDICT_TEXT[verdict.verdict]}: {reason}.'
@@ -247,7 +245,7 @@ def closing_lines(result: Result, aiding_s: float, coast_s: float) -> list[str]:
             *filter(None, [good_to_know([one for one in found if one.severity != 'act'])])]
 
 
-def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str:
+def _numbers(axes: Mapping[str, AxisResult], rest_s: float, *, si: bool) -> str:
     """Return the precision of N, and the values of B and K, as text."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
               if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
@@ -257,7 +255,7 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
     for key in ('bias_instability', 'rate_random_walk'):
         cells = [axis.coefficients[key] for axis in axes.values()]
         shown = [(c.value, c.ci95) for c in cells if c.value is not None and c.ci95 is not None]
-        scale, unit = (1.0, cells[0].unit) if units == 'si' else engineering(1.0, cells[0].unit)
+        scale, unit = (1.0, cells[0].unit) if si else engineering(1.0, cells[0].unit)
         symbol = cells[0].symbol
         if shown:
             value, ends = max(shown)

@@ -19,7 +19,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.writers import key_figures
 from imu_allan.writers.curves import axes_of, reported
-from imu_allan.writers.key_figures import COLUMNS, good_to_know, Units, verdict_lines
+from imu_allan.writers.key_figures import COLUMNS, good_to_know, verdict_lines
 from imu_allan.writers.terminal import wrapped
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
@@ -33,19 +33,19 @@ def result_text(result: Result) -> str:
     return text.getvalue().rstrip('\n')
 
 
-def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
+def result_table(result: Result, width: int = 80, *, si: bool = False,
                  verbose: bool = False) -> RenderableType:
     """Return the result for a terminal: verdict, numbers for a filter, table, findings."""
     found = key_figures.figures_of(result)
     findings = for_display(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    verdicts = wrapped(verdict_lines(result, units), width, 'bold')
+    verdicts = wrapped(verdict_lines(result, si=si), width, 'bold')
     # The measured K also stands in the table, if a line is wanting.
     tuned = [wrapped(key_figures.filter_lines(result, found, width, measured=measured), width)
              for measured in (True, False)]
     heading = _heading(result, width)
-    tables = _tables(result, found, width, units, verbose=verbose)
+    tables = _tables(result, found, width, si=si, verbose=verbose)
     notes = wrapped([_note(result)], width, 'dim') if verbose else []
     said = [line for severity, text in in_full(full, together=not verbose)
             for line in wrapped([text], width, 'yellow' if severity == 'act' else 'default')]
@@ -81,7 +81,7 @@ def _heading(result: Result, width: int) -> list[Text]:
     return min(apart, wrapped([f'{names}  {amount}'], min(width, COLUMNS), style), key=len)
 
 
-def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int, units: Units, *,
+def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int, *, si: bool,
             verbose: bool) -> list[list[Text]]:
     """Arrange the axes side by side in the widest layout that fits, or else the last."""
     # Whether with term names, a filter column, and intervals on separate lines.
@@ -89,18 +89,18 @@ def _tables(result: Result, found: Sequence[key_figures.KeyFigures], width: int,
                                (True, False, True)):
         if verbose and not named:
             continue
-        tables = [_lines(_cells(result, figures, units, verbose=verbose, named=named, tall=tall,
-                                tuned=tuned and units != 'si')) for figures in found]
+        tables = [_lines(_cells(result, figures, si=si, verbose=verbose, named=named, tall=tall,
+                                tuned=tuned and not si)) for figures in found]
         if all(len(line) <= width for table in tables for line in table):
             break
     return tables
 
 
-def _cells(result: Result, figures: key_figures.KeyFigures, units: Units, *, verbose: bool,
+def _cells(result: Result, figures: key_figures.KeyFigures, *, si: bool, verbose: bool,
            named: bool, tuned: bool, tall: bool) -> list[list[Text]]:
     """Return the table of a sensor: a row per term, with its name and a cell per axis."""
     axes = axes_of(result.axes, figures.sensor)
-    quantity, si, rows = AXES[next(iter(axes))], units == 'si', []
+    quantity, rows = AXES[next(iter(axes))], []
     filters = {symbol: value for symbol, value, _ in figures.for_filter if tuned}
     for term in TERMS.values():
         cells = [axis.coefficients[term.key] for axis in axes.values()]

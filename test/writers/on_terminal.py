@@ -15,12 +15,12 @@ FLAT = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0
              (0.0, 0.0))
 
 
-def printed(result: Result, width: int = 80, units: str = 'datasheet', verbose: bool = False,
+def printed(result: Result, width: int = 80, si: bool = False, verbose: bool = False,
             **options: Any) -> str:
     """Return a result as the command prints it; `options` are those of the console."""
     out = io.StringIO()
     Console(file=out, width=width, highlight=False, **options).print(
-        result_table(result, width, units, verbose=verbose))
+        result_table(result, width, si=si, verbose=verbose))
     return out.getvalue()
 
 

@@ -19,7 +19,7 @@ STILL, CUT_OFF = {'stood_still': Span(100.0, 50.0)}, {'saturated': Saturation(34
 @pytest.mark.parametrize(('name', 'width', 'options'), [
     ('60', 60, {}), ('80', 80, {}), ('140', 140, {}),
     # Each value above its interval, terms that no axis shows with their bounds, and the mean.
-    ('80_verbose', 80, {'verbose': True}), ('140_si', 140, {'units': 'si', 'verbose': True})])
+    ('80_verbose', 80, {'verbose': True}), ('140_si', 140, {'si': True, 'verbose': True})])
 def test_a_result_looks_on_the_terminal_as_it_did(result, name, width, options):
     text = '\n'.join(line.rstrip() for line in printed(result, width, **options).splitlines())
     assert max(map(len, text.splitlines())) <= width
