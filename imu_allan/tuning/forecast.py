@@ -223,15 +223,17 @@ def upper_of_drift(axis: AxisResult, horizons: Array) -> Array:
     return np.asarray(np.exp(np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])))
 
 
-def upper_bound(axis: AxisResult, key: str) -> float | None:
+def value_or_bound(axis: AxisResult, key: str) -> float | None:
     """
-    Return the upper bound of a noise term that is not observable; None if there is none.
+    Return a coefficient or, if it is not observable, its upper bound; None if there is neither.
 
     A trend that is removed by the fit and curved like a random walk can take all information about
     the random walk with it. Its bound is then arbitrary. The measured curve, however, contains the
     term as well as the trends.
     """
-    bound = axis.coefficients[key].upper95
+    found = axis.coefficients[key]
+    if found.observable:
+        return found.value
     highest = np.array(axis.curve.ci95).reshape(-1, 2)[:, 1]
     most = most_below(np.array(axis.curve.tau_s), highest, key, axis.band_limit_s)
-    return min(bound, most) or None if bound and most is not None else None
+    return min(found.upper95, most) if found.upper95 and most is not None else None

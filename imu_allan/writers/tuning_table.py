@@ -29,7 +29,7 @@ from imu_allan.tuning.forecast import (
     known_less_than,
     predicted_drift,
     spread_of_forecast,
-    upper_bound,
+    value_or_bound,
 )
 from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
@@ -53,8 +53,7 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias) -> li
     found = {TUNED: tune(axis, aiding_s, coast_s, bias),
              'conservative': tune(axis, aiding_s, coast_s, bias, conservative=True)}
     density, random_walk = (
-        coefficient.value if (coefficient := axis.coefficients[key]).observable
-        else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
+        value_or_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
     if density and random_walk:
         found |= {name: assess(axis, density, factor * random_walk, aiding_s, coast_s)
                   for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0))}

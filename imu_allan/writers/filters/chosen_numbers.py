@@ -27,7 +27,7 @@ from imu_allan.noise.terms import (
 )
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
-from imu_allan.tuning.forecast import upper_bound
+from imu_allan.tuning.forecast import value_or_bound
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.version import __version__
 from imu_allan.writers.curves import axes_of
@@ -279,10 +279,8 @@ def _measured(axis: AxisResult, bias: Bias, coast_s: float) -> dict[Key, Number]
     keys: dict[Key, str] = {'N': 'noise_density', 'K': 'rate_random_walk'}
     for key, name in keys.items():
         coefficient = axis.coefficients[name]
-        if coefficient.observable and coefficient.value:
-            found[key] = Number(coefficient.value, False, coefficient.ci95)
-        elif not coefficient.observable and (bound := upper_bound(axis, name)):
-            found[key] = Number(bound, True)
+        if value := value_or_bound(axis, name):
+            found[key] = Number(value, not coefficient.observable, coefficient.ci95)
     if 'N' not in found:
         return {}
     if bias == 'gauss_markov' and (process := _process(axis, coast_s)) is not None:
@@ -296,7 +294,7 @@ def _process(axis: AxisResult, coast_s: float) -> tuple[Number, Number] | None:
         return (Number(process.sigma, interval=process.sigma_ci95),
                 Number(process.correlation_time_s, interval=process.correlation_time_ci95))
     flat = axis.coefficients['bias_instability']
-    level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
+    level = value_or_bound(axis, 'bias_instability')
     curve = axis.curve
     if not level:
         return None
