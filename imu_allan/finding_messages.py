@@ -282,8 +282,7 @@ def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
     act = list(dict.fromkeys(one.code for one in about if one.severity == 'act'))
     faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
     # Findings after which an axis has no numbers, or those of something else.
-    no_sensor = frozenset({'constant_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
-                           'unknown_rate', 'mostly_motion'})
+    no_sensor = {*FAULTS.values(), 'high_passed', 'unknown_rate', 'mostly_motion'}
     broken = list(dict.fromkeys([*(code for code in act if code in no_sensor), *faults]))
     unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
     short = ['short_recording']
