@@ -26,7 +26,7 @@ from imu_allan.noise.record.groups import WHITE
 from imu_allan.noise.recording_time import further_times
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
-from imu_allan.noise.uncertainty import below_curve, CERTAIN
+from imu_allan.noise.uncertainty import CERTAIN, most_below
 from imu_allan.result import (
     AxisResult,
     Coefficient,
@@ -188,9 +188,10 @@ def _fitted(base: AxisResult, found: AxisFit, finished: Estimator, axis: int, po
     curve = _curve(points, axis, dt, fitted.values, fitted.power_law)
     if fitted.high_pass_hz is None:
         highest = interval(points.avar[:, axis], np.array(curve.edf), CERTAIN)[1]
-        coefficients |= {
-            key: below_curve(coefficients[key], key, curve, highest, fitted.window_s)
-            for key in (*SLOW_TERMS, 'rate_ramp')}
+        for key in (*SLOW_TERMS, 'rate_ramp'):
+            most = most_below(np.array(curve.tau_s), highest, key, fitted.window_s)
+            if most is not None and (bound := coefficients[key].upper95) is not None:
+                coefficients[key] = replace(coefficients[key], upper95=min(bound, most))
     # The design column of unit white noise turns power into density, at every stage.
     density = found.with_lines.power / found.with_lines.design[:, WHITE]
     frequency = found.with_lines.frequency

@@ -34,6 +34,7 @@ from imu_allan.noise.record.segments import (
     MEANS,
     OCTAVES,
     PER_OCTAVE,
+    Segments,
     SHORTEST_SEGMENT,
 )
 import numpy as np
@@ -109,14 +110,11 @@ def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
         used -= 1  # less than half a segment is too short
     if used < 3:
         return None
-    power, dof = _no_powers(segments.axes, used)
-    seen = np.arange(segments.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
-    power[:, :, seen], dof[:, seen] = segments.power[:, :used], segments.dof[:used]
     parts = [part_cells(periodogram, number, number + 1) for number in range(used)]
     # Add the frequencies below those of the blocks.
     top = min(HIGHEST_OF_MEANS, periodogram.cell / 2**OCTAVES)
-    return _powers(periodogram, power, dof, [
-        (cells, whole_sections(cells, periodogram.cell, top)) for cells in parts])
+    return _powers(periodogram, [
+        (cells, whole_sections(cells, periodogram.cell, top)) for cells in parts], segments)
 
 
 def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
@@ -131,22 +129,21 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     # For white noise, all coefficients are equally good, however short the part.
     top = 0.5 if cell == 1 else HIGHEST_OF_MEANS
     # Split at gaps: interpolated samples are no noise, and their number differs by part.
-    found = _powers(periodogram, *_no_powers(periodogram.axes, count), [
+    found = _powers(periodogram, [
         (cells, [whole_section(run.means, cell, top)
                  for run in cells.take(cells.counts == cell).split()]) for cells in parts])
     return found if found.dof.any() else None
 
 
-def _no_powers(axes: int, parts: int) -> tuple[Array, Array]:
-    """Return zeros for sums of power and degrees of freedom, by part of a record and by band."""
+def _powers(periodogram: Periodogram, parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]],
+            blocks: Segments | None = None) -> SegmentPowers:
+    """Return mean powers by band of the sections of parts and of blocks, and means and drift."""
     bands = _DEPTH * PER_OCTAVE
-    return np.zeros((axes, parts, bands)), np.zeros((parts, bands))
-
-
-def _powers(periodogram: Periodogram, power: Array, dof: Array,
-            parts: Sequence[tuple[Cells, Sequence[SpectrumSection]]]) -> SegmentPowers:
-    """Return mean powers, and means and drift of parts; their sections are added to the sums."""
-    middle = 2.0 ** ((np.arange(dof.shape[1]) + 0.5) / PER_OCTAVE - _DEPTH)
+    power, dof = np.zeros((periodogram.axes, len(parts), bands)), np.zeros((len(parts), bands))
+    if blocks is not None:
+        fast = np.arange(blocks.dof.shape[1]) + (_DEPTH - OCTAVES) * PER_OCTAVE
+        power[:, :, fast], dof[:, fast] = blocks.power[:, :len(parts)], blocks.dof[:len(parts)]
+    middle = 2.0 ** ((np.arange(bands) + 0.5) / PER_OCTAVE - _DEPTH)
     of_means = middle < HIGHEST_OF_MEANS / MEANS
     step = np.where(of_means, float(MEANS), 1.0)
     block = np.where(of_means, float(SHORTEST_SEGMENT), float(BLOCK))
@@ -157,8 +154,8 @@ def _powers(periodogram: Periodogram, power: Array, dof: Array,
             band = np.floor(PER_OCTAVE * (
                 np.log2(index / (2 * section.length * section.step)) + _DEPTH)).astype(np.int64)
             for axis, row in enumerate(section.power[:, index]):
-                power[axis, part] += np.bincount(band, row, dof.shape[1])
-            dof[part] += np.bincount(band, minlength=dof.shape[1])
+                power[axis, part] += np.bincount(band, row, bands)
+            dof[part] += np.bincount(band, minlength=bands)
             step[band], block[band] = section.step, section.length * section.step
     seen = np.flatnonzero(dof.sum(axis=0))
     dof = dof[:, seen]

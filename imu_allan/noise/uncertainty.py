@@ -16,7 +16,7 @@ from imu_allan.block import NEIGHBOURS
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.terms import allan_variance, LASTING_TERMS, SLOW_TERMS, TERMS
-from imu_allan.result import AxisResult, Coefficient, Curve
+from imu_allan.result import AxisResult, Coefficient
 import numpy as np
 
 CERTAIN = 0.9998
@@ -68,14 +68,6 @@ def leaked_share(axis: AxisResult, interpolated: float, dt: float) -> float:
     # Ten times too high says nothing any more.
     share = max(left, 0.01)**-0.5 - 1
     return float(share) if share > 0.005 else 0.0
-
-
-def below_curve(found: Coefficient, key: str, curve: Curve, highest: Array,
-                window_s: float | None) -> Coefficient:
-    """Return a coefficient with its upper bound lowered to what `most_below` allows."""
-    most = most_below(np.array(curve.tau_s), highest, key, window_s)
-    return found if found.upper95 is None or most is None else replace(
-        found, upper95=min(found.upper95, most))
 
 
 def most_below(tau: Array, highest: Array, key: str, window_s: float | None) -> float | None:

@@ -126,7 +126,7 @@ def _refitted(fitted: Fitted, divisors: Sequence[Array]) -> Fitted:
 
 
 def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
-    """Draw from all models of each axis near its best, in one batch."""
+    """Draw from all models of each axis near its best, in one batch; weigh and sort them."""
     near, spectra = fitted.near_best(), fitted.spectra
     total = np.array([np.logaddexp.reduce(near.rows.evidence[near.row_axis == axis])
                       for axis in axes])
@@ -139,13 +139,11 @@ def _drawn(fitted: Fitted, axes: Sequence[int]) -> list[tuple[Drawn, ...]]:
     for i, draws in enumerate(sample(spectra, rows, counts)):
         found[row_axis[i]].append(
             Drawn(rows.take([i]), spectra, fitted.trends[rows.spectrum[i]], draws))
-    return [_weighted(models) for models in found]
-
-
-def _weighted(models: Sequence[Drawn]) -> tuple[Drawn, ...]:
-    """Weigh models by their evidence and sort them, the most probable first."""
-    evidence = np.array([model.draws.evidence for model in models])
-    weight = np.exp(evidence - evidence.max())
-    weight /= weight.sum()
-    return tuple(replace(models[i], weight=float(weight[i]))
-                 for i in np.argsort(-weight, kind='stable').tolist())
+    weighted = []
+    for models in found:
+        evidence = np.array([model.draws.evidence for model in models])
+        weight = np.exp(evidence - evidence.max())
+        weight /= weight.sum()
+        weighted.append(tuple(replace(models[i], weight=float(weight[i]))
+                              for i in np.argsort(-weight, kind='stable').tolist()))
+    return weighted

@@ -63,7 +63,10 @@ class Pyramid(MultiAxis):
             if not new:
                 break
             if stage > len(self.tails):
-                self._grow(stage)
+                self.tails.append(np.zeros((self.axes, 0)))
+                self.odd.append(0)
+                self.sums = np.concatenate((self.sums, np.zeros((1, self.axes))))
+                self.counts = np.append(self.counts, 0)
             window = np.concatenate((self.tails[stage - 1], sums), axis=1)
             self.tails[stage - 1] = window[:, -OVERLAP:].copy()
             sums = self._next_sums(stage, window, new)
@@ -96,14 +99,6 @@ class Pyramid(MultiAxis):
             self.sums[octave] += _square_sums(last[:, apart:] - last[:, :-apart])
             self.counts[octave] += new
         return new
-
-    def _grow(self, stages: int) -> None:
-        """Extend the arrays to a number of stages."""
-        more = max(stages - len(self.tails), 0)
-        self.tails += [np.zeros((self.axes, 0))] * more
-        self.odd += [0] * more
-        self.sums = np.concatenate((self.sums, np.zeros((more, self.axes))))
-        self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
 
 
 def _square_sums(rows: Array) -> Array:

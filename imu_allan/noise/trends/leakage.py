@@ -69,8 +69,10 @@ def detrended(periodogram: Periodogram, axis: int, dt: float, trend: Waveform) -
             place = layout(length, step)
             index = np.arange(place.first, place.last)
             block_s = length * step * dt
+            # Mean over the places of a unit step
+            of_step = 1 / (4 * length * np.sin(np.pi * index / (2 * length))**2)
             leak = place.means(_of_slopes(trend, begin, end, length, step * dt, index)
-                               + jump**2 * _of_step(length, index) * block_s / (end - begin))
+                               + jump**2 * of_step * block_s / (end - begin))
             power, dof = segments.power[0, number], segments.dof[number]
             leak = leak * dof[place.bands]
             left = power[place.bands] - leak
@@ -94,8 +96,3 @@ def _of_slopes(trend: Waveform, begin_s: float, end_s: float, length: int, step_
     square = np.where(index % 2, np.mean((last + first)**2), np.mean((last - first)**2)) / 4
     half = np.pi * index / (2 * length)
     return np.asarray(square * (step_s * np.cos(half))**2 / (2 * length * np.sin(half)**4))
-
-
-def _of_step(length: int, index: Ints) -> Array:
-    """Return the power of coefficients over a block with a unit step, the mean over its places."""
-    return np.asarray(1 / (4 * length * np.sin(np.pi * index / (2 * length))**2))
