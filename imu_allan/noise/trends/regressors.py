@@ -10,9 +10,9 @@ coefficients of a record that contains nothing else.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
-from imu_allan.arrays import Array, Bools
+from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.noise.record.bins import Bins, quantization_leak
 from imu_allan.noise.record.groups import grouped, Groups, QUANTIZATION
 from imu_allan.noise.record.periodogram import SpectrumSection
@@ -131,19 +131,41 @@ class RecordSpectrum:
         (bins, trends), zero outside the whole-record part. With `slowest`, only for the slowest
         coefficients of the whole-record parts.
         """
-        whole = [section for section in self.sections if section.coefficients is not None]
-        # 1024 points are enough for trends with a few dozen cycles in the record.
-        counts = [section.length if slowest is None else
-                  min(section.length, max(1024, slowest + 1)) for section in whole]
-        # There may be hundreds of parts, so each trend is computed at the times of all at once.
-        time = np.concatenate([np.zeros(0), *(
-            section.start + (np.arange(count) + 0.5) * (section.length / count) * section.step
-            for section, count in zip(whole, counts, strict=True))]) * self.dt
+        places, parts, rows = _layout(tuple(
+            (section.start, section.length, section.step, section.last)
+            for section in self.sections if section.coefficients is not None), slowest)
+        time = places * self.dt
         values = np.array([trend(time) for trend in trends]).reshape(len(trends), len(time))
-        parts = []
-        for section, count, end in zip(whole, counts, np.cumsum(counts).tolist(), strict=True):
-            last = section.last if slowest is None else min(section.last, slowest + 1)
-            rows = dct(values[:, end - count:end], norm='ortho')
-            parts.append(rows[:, section.first:last].T * np.sqrt(section.length / count))
-        blocks = 0 if slowest is not None else np.count_nonzero(~self.bins.whole)
-        return np.concatenate((*parts, np.zeros((blocks, len(trends)))))
+        found = np.zeros((len(self.bins.whole) if slowest is None else rows, len(trends)))
+        for points, indices, scale in parts if trends else ():
+            transforms = dct(values[:, points], norm='ortho')[:, :, 1:indices.shape[1] + 1]
+            found[indices] = transforms.transpose(1, 2, 0) * scale
+        return found
+
+
+@lru_cache(maxsize=8)
+def _layout(whole: tuple[tuple[int, int, int, int], ...], slowest: int | None
+            ) -> tuple[Array, list[tuple[Ints, Ints, float]], int]:
+    """
+    Return the points at which trends are transformed, in samples, and the number of coefficients.
+
+    `whole`: start, length, step and last index of each whole-record part. There may be hundreds of
+    parts, so each trend is computed at the points of all, and equally long ones are transformed at
+    once. Of these, also returned: points, coefficients in order after the first, and a factor.
+    """
+    lengths = np.array([length for _, length, _, _ in whole], np.int64)
+    used = np.array([last for *_, last in whole], np.int64) - 1
+    counts = lengths
+    if slowest is not None:
+        # 1024 points are enough for trends with a few dozen cycles in the record.
+        counts, used = np.minimum(lengths, max(1024, slowest + 1)), np.minimum(used, slowest)
+    places = [start + (np.arange(count) + 0.5) * (length / count) * step
+              for (start, length, step, _), count in zip(whole, counts.tolist(), strict=True)]
+    parts = []
+    for length in np.unique(lengths):
+        own = np.flatnonzero(lengths == length)
+        points, indices = (
+            (np.cumsum(each) - each)[own, None] + np.arange(each[own[0]])
+            for each in (counts, used))
+        parts.append((points, indices, float(np.sqrt(length / counts[own[0]]))))
+    return np.concatenate([np.zeros(0), *places]), parts, int(used.sum())
