@@ -33,17 +33,24 @@ class Bank:
         return [kind.grid(self.duration_s) for kind in self.kinds]
 
     @cached_property
-    def columns(self) -> list[Array]:
+    def columns(self) -> list[tuple[Array, Array]]:
         """Transform the candidates of every kind; computed on first use."""
         return [self.regressors(kind, grid)
                 for kind, grid in zip(self.kinds, self.grids, strict=True)]
 
-    def regressors(self, kind: TrendKind, values: Array, slowest: int = SLOWEST) -> Array:
-        """Transform candidates, shape (values, columns of the kind, coefficients)."""
+    def regressors(self, kind: TrendKind, values: Array, slowest: int = SLOWEST
+                   ) -> tuple[Array, Array]:
+        """
+        Transform candidates, shape (values, columns of the kind, coefficients).
+
+        Returns: also the products of the columns of a candidate, shape (values, columns, columns,
+        coefficients), which take longer than all that is done with them.
+        """
         trends = [kind.columns(float(value), self.duration_s) for value in values]
         transforms = self._record.regressors(
             [column for trend in trends for column in trend], slowest)
-        return np.asarray(transforms.T.reshape(len(values), len(trends[0]), -1))
+        columns = transforms.T.reshape(len(values), len(trends[0]), -1)
+        return columns, np.einsum('vin,vjn->vijn', columns, columns)
 
 
 class AxisBank:
@@ -59,8 +66,12 @@ class AxisBank:
         self._coefficient = bins.coefficient[record.axis, used]
 
     @cached_property
-    def _columns(self) -> list[Array]:
-        return [columns[:, :, self._used] for columns in self.shared.columns]
+    def _columns(self) -> list[tuple[Array, Array]]:
+        return list(map(self._without_lines, self.shared.columns))
+
+    def _without_lines(self, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        columns, products = found
+        return found if self._used.all() else (columns[..., self._used], products[..., self._used])
 
     def whitened(self, frequency: Array, power: Array, others: Sequence[Found]) -> 'Whitened':
         """
@@ -79,10 +90,10 @@ class AxisBank:
         residual = residual - basis @ (basis.transpose(0, 2, 1) @ residual)
         return Whitened(self, others, scale, basis * scale[:, :, None], residual[:, :, 0] * scale)
 
-    def columns(self, number: int, values: Array | None = None) -> Array:
-        """Return the candidates of a kind along its grid, or at `values`."""
-        return self._columns[number] if values is None else self.shared.regressors(
-            self.shared.kinds[number], values, self._slowest)[:, :, self._used]
+    def columns(self, number: int, values: Array | None = None) -> tuple[Array, Array]:
+        """Return the candidates of a kind along its grid, or at `values`, with their products."""
+        return self._columns[number] if values is None else self._without_lines(
+            self.shared.regressors(self.shared.kinds[number], values, self._slowest))
 
 
 @dataclass(frozen=True)
@@ -121,10 +132,9 @@ class Whitened:
 
         `number`: of the kind in the bank. Returns shape (noises, values).
         """
-        columns = self.bank.columns(number, values)
+        columns, products = self.bank.columns(number, values)
         target = np.tensordot(self.residual, columns, (1, 2))
         explained = np.tensordot(self.basis, columns, (1, 2))
-        products = np.einsum('vin,vjn->vijn', columns, columns)
         gram = np.tensordot(self.scale**2, products, (1, 3))
         # The ridge rejects trends that no coefficient shows, such as a step between two runs, and
         # trends that are almost a combination of the others.
