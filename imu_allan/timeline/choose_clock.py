@@ -154,9 +154,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
         decision.use_receive('too fast')
         return _pace_of(other, own, bursts=True)
     speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
-    # Ticks hide less than 30 % of the samples; beyond, the other clock shows no losses either.
-    if pace.hidden > 0.3 or (
-            not pace.counting and pace.spread < 0.05 and _is_full(own, pace.interval_ns)):
+    if not pace.counting and pace.spread < 0.05 and _is_full(own, pace.interval_ns):
         return pace
     second = _pace_of(other, own, bursts=True)
     if second is not None and pace.counting and second.counting:
@@ -178,7 +176,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     # With one of three dropped, stamps lie 0.17 off a grid of 1.5 intervals. The limits of 0.1
     # and of three times the clock's spread about its own grid are chosen by judgment, as is
     # that of 1 % between the intervals of one grid by two clocks.
-    if not pace.counting and not (
+    if not pace.counting and pace.spread < 0.2 and not (
             abs(ratio - 1) > 0.01 and spread_about(other, pace.interval_ns) > np.clip(
                 3 * second.spread, 0.1, COUNTING_SPREAD)):
         # Ticks are an exact grid as well, but the stamps of the other clock do not lie on it.

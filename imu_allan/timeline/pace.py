@@ -34,6 +34,8 @@ jitter."""
 
 _FEW_LOSSES = 8
 """Fewer losses change the rate by no more than its error."""
+_TICKED = 1e-3
+"""Spread about a grid, in intervals, beyond which stamps are no whole ticks."""
 _GROUP = 16
 """Messages per median: with 8, ticks as long as the interval pass for losses (there is a test)."""
 _GROUPS = 8
@@ -155,6 +157,48 @@ def _lost_by_chance(steps: Array) -> bool:
     return chance < ticks + log(20)
 
 
+def _slower_in_ticks(time: Array, ticks: Pace) -> Pace:
+    """Return the pace of a sensor whose samples explain which ticks are empty, else the ticks."""
+    steps = np.rint(np.diff(time) / ticks.interval_ns)
+    # Rounded stamps occupy the ticks within which a sample falls: all others are empty. In
+    # intervals of the sensor, they are a part of a turn, as long as a tick.
+    edges = np.flatnonzero(np.concatenate([[True], steps >= _LEAP, [True]]))
+    first = int(np.argmax(np.diff(edges)))
+    ends = np.cumsum(steps[edges[first]:edges[first + 1] - 1].astype(np.int64))
+    there = np.zeros(4096, dtype=bool)
+    there[np.append(0, ends[ends < len(there)])] = True
+    there = there[:int(ends[-1]) + 1]
+    n = int(np.count_nonzero(there))
+    power = np.abs(np.fft.rfft(there - there.mean(), 16 * len(there)))[32:]
+    peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    lows = (peaks[np.argsort(power[peaks])[-8:]] + 32) / (16 * len(there))
+    gains = {}
+    for rate in (*lows.tolist(), *(1 - lows).tolist()):
+        if rate > 0.98 * n / len(there):
+            turn = rate * np.arange(len(there))
+            middle = float(np.angle(np.exp(2j * pi * turn[there]).sum())) / (2 * pi)
+            within = np.abs((turn - middle + 0.5) % 1 - 0.5) < 0.5 * rate
+            gains[rate] = (_likelihood(there[within]) + _likelihood(there[~within])
+                           - _likelihood(there))
+    best = max(gains, key=gains.__getitem__, default=1.0)
+    # Among so many rates, chance gains less.
+    if gains.get(best, 0.0) < log(1e3 * len(there)):
+        return ticks
+    interval = ticks.interval_ns / best
+    # One of k may be lost, besides others. And late stamps lie beside the place of a slow sensor,
+    # but within that of its mirror image.
+    unsure = abs(best + 1 / round(1 / (1 - best)) - 1) < 1 / len(there) or any(
+        rate < 0.98 * best and gain > 0.5 * gains[best] for rate, gain in gains.items())
+    return Pace(interval, 1.0 if unsure else group_phases(
+        time / interval - np.arange(len(time)))[1])
+
+
+def _likelihood(there: Bools) -> float:
+    """Return the log of the likelihood of samples that are lost at random."""
+    n, kept = len(there), int(np.count_nonzero(there))
+    return 0.0 if kept in (0, n) else kept * log(kept / n) + (n - kept) * log(1 - kept / n)
+
+
 def _steps_repeat(steps: Array, share: float) -> bool:
     """Return whether steps repeat after some turn, in this share of their variance."""
     long = steps > np.floor(steps.mean())
@@ -215,22 +259,26 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
     # differ by up to a fifth of the losses may still be equal.
     if apart < max(0.2 * lost / n, 1e-4) or apart * n < _FEW_LOSSES:
         return grid
-    # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
-    share = 1 - 1 / float(steps.mean())
-    lossy = grid if share < 0.63 else replace(line, hidden=max(line.hidden, share))
-    if _lost_by_chance(steps):
-        return lossy
-    # Of ticks so late that they leave a line, some share a place with the next.
-    late = grid.spread < 0.05 and waited > 0.01 * n
-    # Ticks, exact or late, and a timer that reads a slower sensor beat with the interval. Messages
-    # dropped in turn repeat instead; how clearly depends on the jitter.
-    if (late or worst < 0.75 + 3 * grid.spread) and not _steps_repeat(
-            steps, 0.8 - 3 * grid.spread):
-        return line
+    # Messages dropped in turn repeat; how clearly depends on the jitter.
+    repeat = _steps_repeat(steps, 0.8 - 3 * grid.spread)
     # A timer that finds a sample only at every second or third reading shows time passing on both
     # clocks. Of messages dropped in turn, two would sometimes be neighbours.
     truly = (None if other is None or np.percentile(steps, 1) > 1 else
              _lost_by(np.diff(other)[short].astype(np.float64), own, steps, grid.interval_ns))
+    # Of a slower sensor in ticks, some samples may be lost at random, too.
+    sensor = (grid if repeat or grid.spread > _TICKED or (truly is not None and truly > 0.85)
+              else _slower_in_ticks(time, grid))
+    # The bound on interpolation holds with 0.4 of the places occupied, but not with 0.3.
+    share = 1 - sensor.interval_ns / float(own.mean())
+    lossy = sensor if share < 0.63 and sensor.spread < COUNTING_SPREAD else replace(
+        line, hidden=max(line.hidden, share))
+    if _lost_by_chance(steps):
+        return lossy
+    # Of ticks so late that they leave a line, some share a place with the next.
+    late = grid.spread < 0.05 and waited > 0.01 * n
+    # Ticks, exact or late, and a timer that reads a slower sensor beat with the interval.
+    if (late or worst < 0.75 + 3 * grid.spread) and not repeat:
+        return line
     if truly is not None:
         return lossy if truly > 0.5 else line
     if worst > 0.75 or grid.spread > 0.05:
@@ -291,6 +339,9 @@ def _even_with_outages(steps: Array) -> float | None:
     # messages cause shorter pauses, and a FIFO overflows after some tenths of a second.
     longest_batch_ns = 5e8
     few = lasting > max(longest_batch_ns, 4.0 * usual)
+    if not few and np.mean(steps < 0.9 * usual) > 0.15:
+        # Of a sensor in ticks, some steps have one tick less than most.
+        return None
     # Even segments take at least a tenth of the time, bursts a few percent.
     if np.mean(near) > (0.5 if few else 0.75) and (
             on > 0.1 or len(steps) > PHASE_GROUP * len(pauses) or lasting > longest_batch_ns):

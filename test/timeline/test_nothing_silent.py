@@ -238,13 +238,41 @@ def test_late_stamps_in_whole_milliseconds_leave_the_rate_right(
     assert timeline.missing == pytest.approx(missed(kept) + timeline.duplicates, abs=10)
 
 
-@pytest.mark.parametrize(('rate_hz', 'tick'), [(400.0, 1e-3), (100.0, 4e-3), (3200.0, 1.25e-4)])
-def test_places_too_empty_to_interpolate_may_be_losses_or_ticks(rate_hz, tick):
-    messages, truth, rng = rest(rate_hz, 2000 / rate_hz)
-    kept = lose(one_clock(in_ticks(messages, tick, 0)), 0.1, rng)
+@pytest.mark.parametrize('lost', [0.05, 0.1, 0.15])
+@pytest.mark.parametrize(('rate_hz', 'tick', 'count'), [
+    (100.0, 1e-3, 1000), (208.0, 1e-3, 300), (400.0, 1e-3, 2000), (416.0, 1e-3, 300),
+    (416.0, 1e-3, 4000), (562.5, 1e-3, 1000), (660.0, 1e-3, 1000), (741.0, 1e-3, 2000),
+    (41.6, 1e-2, 300), (60.0, 1e-2, 1000), (100.0, 4e-3, 2000), (3200.0, 1.25e-4, 2000)])
+def test_losses_of_a_sensor_in_ticks_are_not_those_of_one_as_fast_as_the_ticks(
+        rate_hz, tick, count, lost):
+    messages, truth, rng = rest(rate_hz, count / rate_hz)
+    kept = lose(one_clock(in_ticks(messages, tick, 0.3 * tick)), lost, rng)
     summary, _ = run(kept.block())
-    assert unsure(summary.remarks) > 0.6
-    assert summary.timeline.sample_rate_hz < 1.01 * truth.rate_hz
+    assert not unsure(summary.remarks)
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=max(
+        5e-4, 3 / count))
+    assert summary.timeline.missing == pytest.approx(missed(kept), abs=5)
+
+
+@pytest.mark.parametrize(('rate_hz', 'lost'), [(833.0, 0.05), (833.0, 0.15), (952.0, 0.1)])
+def test_losses_in_ticks_nearly_as_long_as_the_interval_are_bounded(rate_hz, lost):
+    messages, truth, rng = rest(rate_hz, 3)
+    kept = lose(one_clock(in_ticks(messages, 1e-3, 3e-4)), lost, rng)
+    summary, _ = run(kept.block())
+    hidden, rate = unsure(summary.remarks), summary.timeline.sample_rate_hz
+    assert truth.rate_hz * (1 - hidden) < rate < 1.002 * truth.rate_hz
+
+
+@pytest.mark.parametrize(('lost', 'more', 'clocks'), [
+    (0.1, 0, 1), (0.6, 0, 1), ('1110', 0, 2), ('1110', 0.1, 2), ('1' * 9 + '0', 0.1, 2)])
+def test_a_sensor_as_fast_as_its_ticks_stays_so_whatever_is_lost(lost, more, clocks):
+    messages, truth, rng = rest(1000.0, 3)
+    if clocks == 1:
+        messages = one_clock(messages)
+    kept = lose(lose(messages, lost, rng), more, rng)
+    timeline = run(kept.block())[0].timeline
+    assert timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-4)
+    assert timeline.missing == missed(kept)
 
 
 @pytest.mark.parametrize(('first', 'count', 'copied'), [
