@@ -16,7 +16,7 @@ from typing import get_args, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
-from imu_allan.characterization.axis_groups import FinishedGroup, FinishedRecord, Group
+from imu_allan.characterization.axis_groups import FinishedRecord, Group
 from imu_allan.characterization.noise_findings import (
     length_findings,
     MEAN_MOVES,
@@ -332,9 +332,14 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     fitted: dict[str, AxisResult] = {}
     found: list[Finding] = []
     for group in record.groups:
-        own, remarks = _fitted_group(group)
-        fitted |= own
-        found += remarks
+        finished, dt = group.estimator, 1 / group.rate_hz
+        results = axis_results(finished, group.rate_hz, [AXES[name] for name in group.names],
+                               group.fits)
+        tested = backtest(finished.periodogram.series, finished.periodogram.cell, dt)
+        for name, (axis, remarks), test in zip(group.names, results, tested, strict=True):
+            fitted[name] = widened(replace(axis, backtest=test if axis.drift_model else None), 0.0,
+                                   leaked_share(axis, finished.interpolated_share, dt))
+            found += [remark.of(name) for remark in remarks]
         if group is record.groups[0] and group.heat is not None:
             found += thermometer_findings(group.heat)
     summary = record.summary
@@ -344,17 +349,3 @@ def _fitted_axes(record: FinishedRecord) -> tuple[dict[str, AxisResult], list[Fi
     return axes, [*with_start(found, axes, summary.timeline.duration_s),
                   *tone_findings(axes, record.rate_hz), *implausible(axes),
                   *length_findings(axes, summary.timeline, unclear | set(summary.turned))]
-
-
-def _fitted_group(group: FinishedGroup) -> tuple[dict[str, AxisResult], list[Finding]]:
-    """Fit the axes of a group, and compare them with each other."""
-    names, finished, dt = group.names, group.estimator, 1 / group.rate_hz
-    fitted = axis_results(finished, group.rate_hz, [AXES[name] for name in names], group.fits)
-    tested = backtest(finished.periodogram.series, finished.periodogram.cell, dt)
-    axes: dict[str, AxisResult] = {}
-    own: list[Finding] = []
-    for name, (axis, remarks), test in zip(names, fitted, tested, strict=True):
-        axes[name] = widened(replace(axis, backtest=test if axis.drift_model else None), 0.0,
-                             leaked_share(axis, finished.interpolated_share, dt))
-        own += [remark.of(name) for remark in remarks]
-    return axes, own
