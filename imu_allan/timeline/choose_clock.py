@@ -153,7 +153,6 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     if pace.interval_ns <= FASTEST_NS:
         decision.use_receive('too fast')
         return _pace_of(other, own, bursts=True)
-    speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
     if not pace.counting and pace.spread < 0.05 and _is_full(own, pace.interval_ns):
         return pace
     second = _pace_of(other, own, bursts=True)
@@ -164,10 +163,6 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     if second is None or second.counting or second.spread > 0.2:
         return pace
     ratio = second.interval_ns / pace.interval_ns
-    # If the clocks run equally fast, they stamp the same samples, and the even one shows which of
-    # them are missing. Clocks that disagree by more than 12 % do not stamp the same samples.
-    if abs(ratio - 1) > 0.12 < abs(speed - 1):
-        return pace
     # A timer reads both clocks. If the header stamps lie far closer to its grid, they show better
     # that its empty places are no losses.
     if pace.counting and 1 - ratio > pace.hidden and (
