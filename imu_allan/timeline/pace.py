@@ -25,6 +25,7 @@ from math import log, pi, sqrt
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.timeline.stamps import Stamps
 import numpy as np
+from scipy.special import xlogy
 
 PHASE_GROUP = 64
 """Messages that give one phase, or one rate: many for a burst, few for a drift."""
@@ -172,31 +173,36 @@ def _slower_in_ticks(time: Array, ticks: Pace) -> Pace:
     power = np.abs(np.fft.rfft(there - there.mean(), 16 * len(there)))[32:]
     peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
     lows = (peaks[np.argsort(power[peaks])[-8:]] + 32) / (16 * len(there))
-    gains = {}
+    gains, most = {}, {}
     for rate in (*lows.tolist(), *(1 - lows).tolist()):
         if rate > 0.98 * n / len(there):
             turn = rate * np.arange(len(there))
             middle = float(np.angle(np.exp(2j * pi * turn[there]).sum())) / (2 * pi)
-            within = np.abs((turn - middle + 0.5) % 1 - 0.5) < 0.5 * rate
-            gains[rate] = (_likelihood(there[within]) + _likelihood(there[~within])
-                           - _likelihood(there))
+            off = np.abs((turn - middle + 0.5) % 1 - 0.5)
+            inner = there[np.argsort(off)]
+            gain = _likelihoods(inner) + np.append(_likelihoods(inner[::-1])[-2::-1], 0.0)
+            gain -= gain[-1]
+            gains[rate] = float(gain[np.count_nonzero(off < 0.5 * rate) - 1])
+            most[rate] = float(gain.max())
     best = max(gains, key=gains.__getitem__, default=1.0)
-    # Among so many rates, chance gains less.
-    if gains.get(best, 0.0) < log(1e3 * len(there)):
+    # Among so many rates, chance gains less. Losses of several in a row at even distances leave a
+    # larger part of the turn empty than rounding does.
+    if gains.get(best, 0.0) < max(log(1e3 * len(there)), 0.7 * most.get(best, 0.0)):
         return ticks
     interval = ticks.interval_ns / best
     # One of k may be lost, besides others. And late stamps lie beside the place of a slow sensor,
     # but within that of its mirror image.
     unsure = abs(best + 1 / round(1 / (1 - best)) - 1) < 1 / len(there) or any(
         rate < 0.98 * best and gain > 0.5 * gains[best] for rate, gain in gains.items())
-    return Pace(interval, 1.0 if unsure else group_phases(
-        time / interval - np.arange(len(time)))[1])
+    # The share that may be hidden then includes those ticks.
+    return replace(ticks, spread=1.0) if unsure else Pace(
+        interval, group_phases(time / interval - np.arange(len(time)))[1])
 
 
-def _likelihood(there: Bools) -> float:
-    """Return the log of the likelihood of samples that are lost at random."""
-    n, kept = len(there), int(np.count_nonzero(there))
-    return 0.0 if kept in (0, n) else kept * log(kept / n) + (n - kept) * log(1 - kept / n)
+def _likelihoods(there: Bools) -> Array:
+    """Return the log likelihood of the first places, ever more, if samples are lost at random."""
+    n, kept = np.arange(1, len(there) + 1), np.cumsum(there)
+    return np.asarray(xlogy(kept, kept / n) + xlogy(n - kept, 1 - kept / n))
 
 
 def _steps_repeat(steps: Array, share: float) -> bool:

@@ -264,7 +264,8 @@ def test_losses_in_ticks_nearly_as_long_as_the_interval_are_bounded(rate_hz, los
 
 
 @pytest.mark.parametrize(('lost', 'more', 'clocks'), [
-    (0.1, 0, 1), (0.6, 0, 1), ('1110', 0, 2), ('1110', 0.1, 2), ('1' * 9 + '0', 0.1, 2)])
+    (0.1, 0, 1), (0.6, 0, 1), ('1110', 0, 2), ('1110', 0.1, 2), ('1' * 9 + '0', 0.1, 2),
+    ('1' * 20 + '000' + '1' * 21 + '000', 0, 1), ('1' * 9 + '00' + '1' * 10 + '00', 0.1, 1)])
 def test_a_sensor_as_fast_as_its_ticks_stays_so_whatever_is_lost(lost, more, clocks):
     messages, truth, rng = rest(1000.0, 3)
     if clocks == 1:
@@ -273,6 +274,16 @@ def test_a_sensor_as_fast_as_its_ticks_stays_so_whatever_is_lost(lost, more, clo
     timeline = run(kept.block())[0].timeline
     assert timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-4)
     assert timeline.missing == missed(kept)
+
+
+@pytest.mark.parametrize('lost', ['1110', '1' * 9 + '0'])
+def test_losses_in_turn_and_at_random_may_be_those_of_a_slower_sensor_in_ticks(lost):
+    messages, truth, rng = rest(1000.0, 3)
+    kept = lose(lose(one_clock(messages), lost, rng), 0.05, rng)
+    summary, _ = run(kept.block())
+    # The bound includes a sensor as fast as the ticks.
+    assert summary.timeline.sample_rate_hz < truth.rate_hz * lost.count('1') / len(lost)
+    assert summary.timeline.sample_rate_hz > 0.999 * truth.rate_hz * (1 - unsure(summary.remarks))
 
 
 @pytest.mark.parametrize(('first', 'count', 'copied'), [
