@@ -224,9 +224,9 @@ WORDS: Mapping[str, Words] = {
         'The noise was not the same all the time: a later recording may differ by as much. Where '
         'a band changes, intervals are widened.',
         'Segments differ by more than chance, band by band.',
-        says=('noise between {low_hz:.2g} and {high_hz:.2g} Hz varies by {spread_share:%} rms '
+        says=('noise between {low_hz:2} and {high_hz:2} Hz varies by {spread_share:%} rms '
               'over segments of {segment_s:time}',
-              'noise[ above {low_hz:.2g} Hz][ below {high_hz:.2g} Hz] varies by {spread_share:%} '
+              'noise[ above {low_hz:2} Hz][ below {high_hz:2} Hz] varies by {spread_share:%} '
               'rms over segments of {segment_s:time}'),
         do='keep temperature, supply and vibration steady',
         live='call ~/reset once temperature, supply and vibration are steady',

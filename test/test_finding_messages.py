@@ -84,7 +84,7 @@ SAID = [
               count=count) for count in (1, 3)),
     finding('noise_level_changed', at_s=[300.0], ratios=[2.01]),
     finding('bias_step', GYRO, size=4.8e-4, unit='rad/s', after_s=4000.0),
-    finding('not_steady', GYRO, low_hz=3.0, spread_share=0.05, segment_s=600.0),
+    finding('not_steady', GYRO, low_hz=120.0, spread_share=0.05, segment_s=600.0),
     finding('not_steady', GYRO, low_hz=0.1, high_hz=3.0, spread_share=0.5, segment_s=60.0),
     finding('warm_up', GYRO, amplitude=0.02, unit='rad/s', time_constant_s=600.0,
             start_s=1800.0, time_constant_factor=1.1, exponentials=2, steady_after_s=1800.0),

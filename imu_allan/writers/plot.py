@@ -147,8 +147,12 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',
                 va='center')
-    figure.text(left, 1 - 1.35 / top, f'{wording.named([*axes])}: every sample is the same, there '
-                'is no noise to draw', color=panels.COLOURS['soft'], va='center')
+    reasons = {'every sample is the same, there is no noise to draw':
+               [name for name, axis in axes.items() if axis.constant],
+               'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
+    figure.text(left, 1 - 1.35 / top, '; '.join(
+        f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
+        color=panels.COLOURS['soft'], va='center')
 
 
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult]) -> None:

@@ -143,7 +143,7 @@ def test_odd_results_are_drawn_too_and_names_are_text_and_no_formulas(result, re
     ElementTree.fromstring(plot.render(plot.overview_figure(odd), 'svg'))
     assert not [one for one in recwarn if 'lyph' in str(one.message)]
     assert plot.render(plot.sensor_figure(odd, 'gyro'), 'png', 40)
-    assert ('gyro x and z: every sample is the same, there is no noise to draw'
+    assert ('gyro z: every sample is the same, there is no noise to draw; gyro x: too few samples'
             in texts_of(plot.overview_figure(odd)))
     assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
