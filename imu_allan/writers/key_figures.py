@@ -153,9 +153,10 @@ def filter_lines(result: Result, found: Sequence[KeyFigures], width: int = 80,
     head = f'Unaided drift after {wording.duration(coast_s)}:'
     beside = f'{head} {", ".join(dict.fromkeys(drifts.values()))}'
     # Their units say which is of which sensor, where each has one.
-    unknown = [not figures.forecast_interval and figures.extrapolated for figures in found
-               if figures.forecast]
-    if drifts and len(beside) <= width and len(set(unknown)) == 1:
+    clear = len({*drifts.values()}) == 1 or not any(
+        not figures.forecast_interval and figures.extrapolated for figures in found
+        if figures.forecast)
+    if drifts and len(beside) <= width and clear:
         return [*lines, beside]
     for place, (sensor, text) in enumerate(drifts.items()):
         lines.append(f'{"" if place else head:<{len(head)}} {sensor:<5} {text}')

@@ -79,6 +79,15 @@ def test_the_first_lines_are_the_verdict_on_each_sensor(result, changed, warning
             assert line.startswith(good)
 
 
+def test_an_unknown_drift_after_unequal_rests_names_the_sensors():
+    stored = load_result(Path(__file__).with_name('screens') / 'five_seconds.json')
+    rests = replace(stored, axes={name: replace(axis, rest_s=5.0 if name < 'b' else 5.6)
+                                  for name, axis in stored.axes.items()})
+    assert [line.split(':')[-1].strip() for line in printed(rests).splitlines()
+            if 'not known from' in line] == ['gyro  not known from 5.6 s',
+                                             'accel not known from 5 s']
+
+
 def test_what_is_known_roughly_is_not_called_good(result):
     wide = with_coefficient(result, 'gyro_z', 'noise_density', value=1e-3, ci95=(5e-4, 1.4e-3))
     text = printed(replace(wide, warnings=(), sensors={}))
