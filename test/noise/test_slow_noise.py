@@ -223,7 +223,7 @@ MOVES = {
 
 
 @pytest.mark.parametrize(('moves', 'sizes', 'seeds', 'most', 'fewest'), [
-    (['warms up evenly'], [30], range(3, 9), 1, 4),
+    (['warms up evenly'], [30, 300], range(3, 9), 1, 10),
     (['goes over from one level to another'], [300], range(3, 9), 1, 4),
     slow(['turns round'], [30], range(3, 9), 1, 4),
     # Forty records of each: binomial bounds of 99.9 % on 3 % and 95 %.

@@ -62,7 +62,8 @@ def maximise_rows(spectra: Spectra, rows: Rows, hopeless: float = np.inf,
         if not held:
             going &= (gain > tolerance) & (damping[live] < 1e6) & ~likelihood.out_of_range(
                 spectra, some, x[live], gradient[live])
-        if step >= 1 and np.isfinite(hopeless):
+        # Drift that is far stronger than where it starts takes some steps to show what it gains.
+        if step >= 5 and np.isfinite(hopeless):
             score = rows.prior - loss
             best = np.full(int(rows.spectrum.max()) + 1, -np.inf)
             np.maximum.at(best, rows.spectrum, score)
