@@ -25,7 +25,6 @@ from math import log, pi, sqrt
 from imu_allan.arrays import Array, Bools, Ints
 from imu_allan.timeline.stamps import Stamps
 import numpy as np
-from scipy.special import xlogy
 
 PHASE_GROUP = 64
 """Messages that give one phase, or one rate: many for a burst, few for a drift."""
@@ -202,7 +201,9 @@ def _slower_in_ticks(time: Array, ticks: Pace) -> Pace:
 def _likelihoods(there: Bools) -> Array:
     """Return the log likelihood of the first places, ever more, if samples are lost at random."""
     n, kept = np.arange(1, len(there) + 1), np.cumsum(there)
-    return np.asarray(xlogy(kept, kept / n) + xlogy(n - kept, 1 - kept / n))
+    lost = n - kept
+    return np.asarray(kept * np.log(np.maximum(kept, 1) / n)
+                      + lost * np.log(np.maximum(lost, 1) / n))
 
 
 def _steps_repeat(steps: Array, share: float) -> bool:
