@@ -116,7 +116,7 @@ def _reported(source: '_Source', posterior: Posterior, dt: float,
     """Report one axis, without the harmonics of a cycle among its lines."""
     change = _change_of_white_noise(posterior, source, dt)
     report = reported(replace(posterior, change=change), dt, temperature, source.record,
-                      map(_Source.groups_of_quarters, [source]))
+                      [source.groups_of_quarters])
     if source.cycle is not None:
         report = replace(report, trend=replace(report.trend, cycle_s=source.cycle.period_s))
     lines = vibrations(source.lines, report.trend.cycle_s, source.record.sections, dt)

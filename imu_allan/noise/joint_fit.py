@@ -60,7 +60,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     # change, it is that of the record which is least likely to be steady.
     change = max((one.change for one in records), key=lambda one: (one.typical, -one.weight[0]))
     report = reported(replace(posterior, change=change), dt,
-                      quarters=(one.quarters() for one in records))
+                      quarters=[one.quarters for one in records])
     corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
     if corners_hz:
         report = replace(report, high_pass_hz=max(corners_hz))

@@ -219,6 +219,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (0.7 / 2))**2) \
         * count.mean(axis=0)
     smooth = np.sqrt(weight @ _spread(at, count)**2 / weight.sum(axis=1))
+    middle = middle / dt    # in Hz
     # Broad bands, for which findings report a change, in cycles per sample.
     edges = (0.0, 3e-4, 3e-3, 3e-2, np.inf)
     broad = _by_band(np.digitize(frequency, edges[1:-1]), ratio, dof, frequency)
@@ -229,14 +230,14 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         # White noise changes in all bands at once; few samples show it only in all together.
         p_value = min(2 * min(p_value, equal_variances(at, count)), 1.0)
     if p_value >= least:
-        return Steadiness(p_value, None, middle / dt, np.zeros(len(middle)))
+        return Steadiness(p_value, None, middle, np.zeros(len(middle)))
     for place in np.argsort(-wide):
         # A relative spread of 5 % of the power does not matter.
         if wide[place] > 0.05 and equal_variances(at[:, [place]], count[:, [place]]) < least:
             band = int(np.digitize(centre[place], edges[1:-1]))
             change = Change(edges[band] / dt, edges[band + 1] / dt, float(wide[place]) / 2)
-            return Steadiness(p_value, change, middle / dt, smooth)
-    return Steadiness(p_value, None, middle / dt, smooth)
+            return Steadiness(p_value, change, middle, smooth)
+    return Steadiness(p_value, None, middle, smooth)
 
 
 def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,

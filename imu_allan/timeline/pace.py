@@ -159,48 +159,55 @@ def _lost_by_chance(steps: Array) -> bool:
 
 def _slower_in_ticks(time: Array, ticks: Pace) -> Pace:
     """Return the pace of a sensor whose samples explain which ticks are empty, else the ticks."""
-    steps = np.rint(np.diff(time) / ticks.interval_ns)
     # Rounded stamps occupy the ticks within which a sample falls: all others are empty. In
     # intervals of the sensor, they are a part of a turn, as long as a tick.
-    edges = np.flatnonzero(np.concatenate([[True], steps >= _LEAP, [True]]))
-    first = int(np.argmax(np.diff(edges)))
-    ends = np.cumsum(steps[edges[first]:edges[first + 1] - 1].astype(np.int64))
-    there = np.zeros(4096, dtype=bool)
-    there[np.append(0, ends[ends < len(there)])] = True
-    there = there[:int(ends[-1]) + 1]
-    n = int(np.count_nonzero(there))
-    power = np.abs(np.fft.rfft(there - there.mean(), 16 * len(there)))[32:]
+    occupied = _occupied(np.rint(np.diff(time) / ticks.interval_ns))
+    count = len(occupied)
+    # In cycles per tick, by a sixteenth of what the ticks resolve, from two cycles on.
+    power = np.abs(np.fft.rfft(occupied - occupied.mean(), 16 * count))[32:]
     peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
-    lows = (peaks[np.argsort(power[peaks])[-8:]] + 32) / (16 * len(there))
-    gains, most = {}, {}
-    for rate in (*lows.tolist(), *(1 - lows).tolist()):
-        if rate > 0.98 * n / len(there):
-            turn = rate * np.arange(len(there))
-            middle = float(np.angle(np.exp(2j * pi * turn[there]).sum())) / (2 * pi)
+    slow = (peaks[np.argsort(power[peaks])[-8:]] + 32) / (16 * count)
+    # By rate: what its empty part gains, and the most that a part of any length does.
+    gains: dict[float, tuple[float, float]] = {}
+    # A rate shows at its alias, too. The sensor's is at least that of the samples that are there.
+    for rate in (*slow.tolist(), *(1 - slow).tolist()):
+        if rate > 0.98 * np.count_nonzero(occupied) / count:
+            turn = rate * np.arange(count)
+            middle = float(np.angle(np.exp(2j * pi * turn[occupied]).sum())) / (2 * pi)
             off = np.abs((turn - middle + 0.5) % 1 - 0.5)
-            inner = there[np.argsort(off)]
+            inner = occupied[np.argsort(off)]
             gain = _likelihoods(inner) + np.append(_likelihoods(inner[::-1])[-2::-1], 0.0)
             gain -= gain[-1]
-            gains[rate] = float(gain[np.count_nonzero(off < 0.5 * rate) - 1])
-            most[rate] = float(gain.max())
+            gains[rate] = (float(gain[np.count_nonzero(off < 0.5 * rate) - 1]), float(gain.max()))
     best = max(gains, key=gains.__getitem__, default=1.0)
+    gained, most = gains.get(best, (0.0, 0.0))
     # Among so many rates, chance gains less. Losses of several in a row at even distances leave a
     # larger part of the turn empty than rounding does.
-    if gains.get(best, 0.0) < max(log(1e3 * len(there)), 0.7 * most.get(best, 0.0)):
+    if gained < max(log(1e3 * count), 0.7 * most):
         return ticks
     interval = ticks.interval_ns / best
     # One of k may be lost, besides others. And late stamps lie beside the place of a slow sensor,
     # but within that of its mirror image.
-    unsure = abs(best + 1 / round(1 / (1 - best)) - 1) < 1 / len(there) or any(
-        rate < 0.98 * best and gain > 0.5 * gains[best] for rate, gain in gains.items())
-    # The share that may be hidden then includes those ticks.
+    unsure = abs(best + 1 / round(1 / (1 - best)) - 1) < 1 / count or any(
+        rate < 0.98 * best and gain > 0.5 * gained for rate, (gain, _) in gains.items())
+    # Ticks that are no grid: the share that may be hidden then includes them.
     return replace(ticks, spread=1.0) if unsure else Pace(
         interval, group_phases(time / interval - np.arange(len(time)))[1])
 
 
-def _likelihoods(there: Bools) -> Array:
+def _occupied(steps: Array) -> Bools:
+    """Return which ticks have a sample, at most 4096 in the longest part without an outage."""
+    edges = np.flatnonzero(np.concatenate([[True], steps >= _LEAP, [True]]))
+    first = int(np.argmax(np.diff(edges)))
+    places = np.cumsum(steps[edges[first]:edges[first + 1] - 1].astype(np.int64))
+    occupied = np.zeros(min(int(places[-1]) + 1, 4096), dtype=bool)
+    occupied[np.append(0, places[places < len(occupied)])] = True
+    return occupied
+
+
+def _likelihoods(occupied: Bools) -> Array:
     """Return the log likelihood of the first places, ever more, if samples are lost at random."""
-    n, kept = np.arange(1, len(there) + 1), np.cumsum(there)
+    n, kept = np.arange(1, len(occupied) + 1), np.cumsum(occupied)
     lost = n - kept
     return np.asarray(kept * np.log(np.maximum(kept, 1) / n)
                       + lost * np.log(np.maximum(lost, 1) / n))

@@ -7,7 +7,7 @@ A term is reported if it is probably present; otherwise it has an upper bound. T
 the kind of slow noise and filters are derived from the same models.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from imu_allan.arrays import Array
@@ -98,14 +98,14 @@ class AxisReport:
 
 
 def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | None = None,
-             record: RecordSpectrum | None = None, quarters: Iterable[Sequence[Groups]] = ()
-             ) -> AxisReport:
+             record: RecordSpectrum | None = None,
+             quarters: Sequence[Callable[[], list[Groups]]] = ()) -> AxisReport:
     """
     Derive the report of one axis from its posterior.
 
     `dt`: sample interval in seconds. `temperature`: that the trends were made from. `record`: to
-    estimate the ramp from, including the uncertainty of other trends. `quarters`: of each record,
-    which have to confirm a random walk.
+    estimate the ramp from, including the uncertainty of other trends. `quarters`: returns those
+    of each record, which have to confirm a random walk.
     """
     found = estimates.marginals(posterior, dt)
     sigma, time, exponent, amplitude, corner = (found.pop(key) for key in (
@@ -129,7 +129,7 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureSeries | N
         estimates.weight_of(posterior, estimates.drifts) > thresholds.REPORTED)
     walk = found['rate_random_walk']
     if walk.observable and not corner.observable and not random_walk_persists(
-            posterior, [*quarters], dt):
+            posterior, [of_record() for of_record in quarters], dt):
         # It may have another cause.
         found['rate_random_walk'], unclear = replace(walk, observable=False), True
     change, edge = posterior.change.typical, posterior.edge
