@@ -299,8 +299,9 @@ def _grid_or_line(time: Array, grid: Pace, other: Stamps | None) -> Pace:
         # Ticks and regular drops keep their stamps near a line. Ticks are exact, and no delays are
         # added to them.
         return lossy
-    off = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
-    wide = float(np.median(np.ptp(off.reshape(-1, _GROUP), axis=1)))
+    size = min(_GROUP, n)
+    off = (time - line.interval_ns * np.arange(n))[:n // size * size]
+    wide = float(np.median(np.ptp(off.reshape(-1, size), axis=1)))
     # Stamps rounded to ticks lie within less than one tick, 16 in a row within about 0.94. With
     # two kept and two dropped in turn they lie within 1, with three kept and two dropped within
     # 1.33.

@@ -520,3 +520,10 @@ def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
              *(gap.start_s for gap in timeline.gaps), *(gap.duration_s for gap in timeline.gaps)]
     assert np.isfinite(plain).all()
     assert min(plain) >= 0
+
+
+def test_ten_stamps_in_ticks_have_a_rate():
+    stamps = START_NS + 1_000_000 * np.cumsum([0, 3, 2, 2, 3, 2, 3, 2, 2, 3])
+    block = still(10)
+    summary, _ = run(replace(block, header_ns=stamps, receive_ns=stamps))
+    assert summary.timeline.sample_rate_hz == pytest.approx(9 / 0.022)
