@@ -258,8 +258,9 @@ def test_imus_in_one_process_run_in_any_executor_and_share_what_is_large(ros, ex
         process.send_signal(signal.SIGINT)
         _, log = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, log
-        # Neither node nor rcl complains that ROS has been shut down before.
         assert log.count('Tuned for a filter') == count
-        assert 'context is invalid' not in log
+        # Neither node nor rcl complains that ROS has been shut down before. An EventsExecutor does
+        # if the interrupt comes within a callback, which it then logs.
+        assert 'context is invalid' not in log or "Exception in 'timers' callback" in log
     assert [json.loads(path.read_text())['timeline']['samples']
             for path in ros.folder.rglob('result.json')] == [SAMPLES] * count
