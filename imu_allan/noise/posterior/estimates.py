@@ -90,6 +90,8 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     x = np.concatenate([model.draws.x for model in models])
     present = np.repeat(np.concatenate([model.row.present for model in models]),
                         [len(model.draws.share) for model in models], axis=0)
+    # Slower noise shows no flicker: that the prior takes it for granted must not count as evidence.
+    shown = weight * np.exp(-likelihood.without_flicker(present))
     law, process = _free_amplitudes(best, x, present)
     amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * best.limit
     with_law = present[:, LAW]
@@ -102,7 +104,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     low, high = quantiles(amplitude[:, N], weight, (_ENDS[0], _ENDS[-1]))
     amplitude[:, N] *= posterior.change.factors(len(x))
     found = {shape.key: _estimate(
-        amplitude[:, k], present[:, k], weight,
+        amplitude[:, k], present[:, k], shown if k == B else weight,
         thresholds.REPORTED if k == Q else thresholds.OBSERVABLE, float(best.limit[k]))
         for k, shape in enumerate(TERM_SHAPES) if shape.key in TERMS}
     # Without its change over the record, which widens the interval but hides nothing.

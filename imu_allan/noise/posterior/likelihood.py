@@ -400,13 +400,17 @@ def out_of_range(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Boo
     return np.asarray((outwards & rows.present[:, NUISANCES]).any(axis=1))
 
 
+def without_flicker(present: Bools) -> Array:
+    """Return the log prior factors of rows with slower noise, but no flicker of any exponent."""
+    alone = ~present[:, [B, LAW]].any(axis=1)
+    return np.asarray(np.log(priors.WITHOUT_FLICKER) * alone * present[:, SLOWER].sum(axis=1))
+
+
 def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     """Return the log prior of the shapes of rows, their edges and the density of nuisances."""
     present, groups = rows.present, len(spectra.frequency)
     total = present[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
-    # Neither flicker nor slow noise with another exponent.
-    alone = ~present[:, [B, LAW]].any(axis=1)
-    total += np.log(priors.WITHOUT_FLICKER) * alone * present[:, SLOWER].sum(axis=1)
+    total += without_flicker(present)
     exponent, _, low_pass, _ = range(len(NUISANCES))
     first, last = spectra.tables.ranges[:, rows.low_pass]
     width = last - first
