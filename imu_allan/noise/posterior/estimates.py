@@ -90,7 +90,7 @@ def marginals(posterior: Posterior, dt: float) -> dict[str, Estimate]:
     x = np.concatenate([model.draws.x for model in models])
     present = np.repeat(np.concatenate([model.row.present for model in models]),
                         [len(model.draws.share) for model in models], axis=0)
-    # Slower noise shows no flicker: that the prior takes it for granted must not count as evidence.
+    # That the prior takes flicker for granted beside slower noise is no evidence of flicker.
     shown = weight * np.exp(-likelihood.without_flicker(present))
     law, process = _free_amplitudes(best, x, present)
     amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * best.limit

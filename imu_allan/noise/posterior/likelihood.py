@@ -409,8 +409,8 @@ def without_flicker(present: Bools) -> Array:
 def structure_prior(spectra: Spectra, rows: Rows) -> Array:
     """Return the log prior of the shapes of rows, their edges and the density of nuisances."""
     present, groups = rows.present, len(spectra.frequency)
-    total = present[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
-    total += without_flicker(present)
+    total = without_flicker(present)
+    total += present[:, :PLAIN] @ np.log([shape.prior for shape in shapes.TERM_SHAPES])
     exponent, _, low_pass, _ = range(len(NUISANCES))
     first, last = spectra.tables.ranges[:, rows.low_pass]
     width = last - first
