@@ -81,15 +81,18 @@ class TableFolder(Recording):
             given = {meaning: [pair for pair in self.options.columns if meaning in pair[0]]
                      for meaning in ('time', *SENSORS)}
             named = [sensor for sensor in SENSORS if sensor[:3] in file.name.lower()]
-            fits = []
+            fits = {}
             for sensor in named or (SENSORS if self.options.columns else ()):
-                axes = given[sensor] or [(f'{sensor}_{axis}', axis) for axis in 'xyz']
-                options = replace(self.options, columns=(*given['time'], *axes))
-                with suppress(NamesNoAxis):
-                    fits.append(CsvRecording(file, file, options))
+                # MetaWear names its columns x-axis (g).
+                for behind in ('', '-axis'):
+                    axes = given[sensor] or [
+                        (f'{sensor}_{axis}', f'{axis}{behind}') for axis in 'xyz']
+                    options = replace(self.options, columns=(*given['time'], *axes))
+                    with suppress(NamesNoAxis):
+                        fits[sensor] = CsvRecording(file, file, options)
             if len(fits) != 1:
                 raise
-            return fits[0]
+            return next(iter(fits.values()))
 
     def _why_no_imu(self, halves: Mapping[str, Sequence[str]]) -> str:
         """Explain why the files are not an IMU: what they lack, or why they cannot be read."""

@@ -68,6 +68,21 @@ def test_columns_that_the_user_gives_are_those_of_both_files(tmp_path, names, he
     assert axes['accel_z'].mean == pytest.approx(9.81, abs=0.01)
 
 
+def test_axes_that_only_the_files_name_may_be_called_x_axis_as_metawear_does(tmp_path):
+    rows = {'Gyroscope': ('deg/s', 90.0, 0.1), 'Accelerometer': ('g', 1.0, 1e-3)}
+    for sensor, (unit, mean, sigma) in rows.items():
+        noise = RNG.normal([mean, 0, 0], sigma, (1000, 3))
+        (tmp_path / f'MetaWear_F1A2B3_{sensor}_100.000Hz_1.7.3.csv').write_text('\n'.join([
+            'epoc (ms),timestamp (-0700),elapsed (s),' + ','.join(
+                f'{axis}-axis ({unit})' for axis in 'xyz'),
+            *(f'{START_NS // 10**6 + 10 * n},2024-06-24T19.02.59.000,{n / 100},{x!r},{y!r},{z!r}'
+              for n, (x, y, z) in enumerate(noise.tolist()))]))
+    result = analyze(tmp_path)
+    assert result.timeline.sample_rate_hz == pytest.approx(100)
+    assert [result.axes[axis].mean for axis in ('gyro_x', 'accel_x')] == pytest.approx(
+        [np.pi / 2, 9.80665], rel=1e-3)
+
+
 @pytest.mark.parametrize(('texts', 'said'), [
     ({'Gyroscope': WITHOUT_AXES}, 'its CSV files give no accelerometer'),
     ({'Gyroscope': WITHOUT_AXES, 'Magnetometer': WITHOUT_AXES},
