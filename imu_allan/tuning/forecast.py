@@ -19,7 +19,6 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.gauss_markov_means import mean_variance, on_mean
 from imu_allan.noise.terms import line_power, Quantity
-from imu_allan.noise.uncertainty import most_below
 from imu_allan.result import AxisResult, Coast, DriftModel, Interval
 from imu_allan.tuning.state_space import drift_model_of
 import numpy as np
@@ -224,16 +223,6 @@ def upper_of_drift(axis: AxisResult, horizons: Array) -> Array:
 
 
 def value_or_bound(axis: AxisResult, key: str) -> float | None:
-    """
-    Return a coefficient or, if it is not observable, its upper bound; None if there is neither.
-
-    A trend that is removed by the fit and curved like a random walk can take all information about
-    the random walk with it. Its bound is then arbitrary. The measured curve, however, contains the
-    term as well as the trends.
-    """
+    """Return a coefficient or, if it is not observable, its upper bound; None without either."""
     found = axis.coefficients[key]
-    if found.observable:
-        return found.value
-    highest = np.array(axis.curve.ci95).reshape(-1, 2)[:, 1]
-    most = most_below(np.array(axis.curve.tau_s), highest, key, axis.band_limit_s)
-    return min(found.upper95, most) if found.upper95 and most is not None else None
+    return found.value if found.observable else found.upper95
