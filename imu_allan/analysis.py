@@ -132,7 +132,12 @@ def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progre
     else:
         result = _together(path, choice, progress)
     from imu_allan.finding_messages import with_words
-    return with_words(replace(result, source=replace(result.source, files=files)))
+    # What is advised for --start takes the place of what was given.
+    warnings = tuple(one.with_values(start_s=choice.start_s + one.values['start_s'])
+                     if one.code == 'warm_up' and one.values['start_s'] else one
+                     for one in result.warnings)
+    return with_words(replace(result, source=replace(result.source, files=files),
+                              warnings=warnings))
 
 
 def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None

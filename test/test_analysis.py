@@ -46,6 +46,14 @@ def test_the_start_that_is_advised_leaves_out_the_warm_up(written):
     assert not warm.axes['gyro_x'].coefficients['rate_random_walk'].observable
 
 
+def test_the_start_that_is_advised_takes_the_place_of_the_one_that_was_given(written):
+    cut = written(settling := 0.02 * np.exp(-TIME / 500), name='cut.csv', part=TIME >= 300)
+    starts = [found.values['start_s'] for result in (
+        analyze(cut), analyze(written(settling), start_s=300))
+        for found in result.warnings if found.code == 'warm_up']
+    assert starts[1] == pytest.approx(300 + starts[0])
+
+
 @pytest.mark.parametrize(('first', 'other'), [
     (slice(None), None), (slice(None), slice(12_000, 30_000)),
     (slice(0, 18_500), slice(17_500, 36_000))],
