@@ -58,8 +58,10 @@ _UNITS: dict[str, _Size] = {
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
-_SPELLINGS = str.maketrans(
-    {'°': 'deg', 'µ': 'u', 'μ': 'u', '·': '*', '²': '^2', '³': '^3', '√': 'sqrt'})
+# PDFs of datasheets and Spanish keyboards give other circles than the sign of a degree.
+_SPELLINGS = str.maketrans({
+    '°': 'deg', 'º': 'deg', '˚': 'deg', 'µ': 'u', 'μ': 'u', '·': '*', '²': '^2', '³': '^3',
+    '√': 'sqrt'})
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
