@@ -46,6 +46,14 @@ def test_a_zero_bias_is_that_of_the_worst_start(result, bias, limit, outcome):
     assert found.verdict == outcome
 
 
+@pytest.mark.parametrize(('upper', 'outcome'), [(1e-6, 'fail'), (2e-3, 'cannot tell')])
+def test_a_drift_that_does_not_show_may_be_all_of_a_zero_bias(result, upper, outcome):
+    result = with_axes(with_coefficient(result, 'gyro_x', 'bias_instability', **UNSEEN,
+                                        upper95=upper), 'gyro_x', mean=0.012)
+    # The Allan deviation of flicker is 0.664 B.
+    assert only(result, ZERO_BIAS).verdict == outcome
+
+
 def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
     verdicts = check(result, parse_model('gyro: {noise_density: 2.5 deg/sqrt(h)}'),
                      shortest_s=4 * 3600.0)
