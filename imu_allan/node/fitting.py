@@ -111,9 +111,9 @@ class Fitting:
 
     def draw_if_watched(self, run: Run) -> None:
         """Plot the last result and publish the plot, if it is new and has subscribers."""
-        result, plot = self.latest, self._outputs.plot
+        result = self.latest
         if (result is None or not result.axes or result is self._plotted
-                or self._worker.under_way('plot') or not plot.get_subscription_count()):
+                or self._worker.under_way('plot') or not self._outputs.plot_is_watched):
             return
         self._plotted = result
         stamp = _time(run.stamp_ns)
@@ -125,7 +125,7 @@ class Fitting:
             image.header.frame_id = result.source.frame_id or ''
             return image
 
-        self._worker.start('plot', draw, plot.publish)
+        self._worker.start('plot', draw, self._outputs.publish_plot)
 
 
 def _time(stamp_ns: int) -> Time:

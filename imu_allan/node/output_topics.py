@@ -29,6 +29,7 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiAr
 VECTORS = ('filter_random_walk', *(f'{term}{part}' for term in LASTING_TERMS
                                    for part in ('', '/interval/low', '/interval/high')))
 """Topics of a sensor published as vectors; 95 % intervals as two, which every tool can plot."""
+_PLOT = 'plot/compressed'
 
 
 def result_messages(result: Result, node_name: str, stamp: Time, aiding_s: float = 0.1,
@@ -171,21 +172,31 @@ class OutputTopics:
 
         of_sensor = {**dict.fromkeys(VECTORS, Vector3Stamped),
                      'allan_deviation': Float64MultiArray}
-        kinds = {'result': String, 'coefficients': DiagnosticArray,
+        kinds = {'result': String, 'coefficients': DiagnosticArray, _PLOT: CompressedImage,
                  **{f'{sensor}/{topic}': kind for sensor in SENSORS
                     for topic, kind in of_sensor.items()}}
         self._of_result = {topic: publisher(kind, f'~/{topic}') for topic, kind in kinds.items()}
-        self._published: Mapping[str, Any] = {}
+        self._published: dict[str, Any] = {}
         self._volatile: dict[str, set[bytes]] = {topic: set() for topic in self._of_result}
-        self.plot = publisher(CompressedImage, '~/plot/compressed')
         self.diagnostics = publisher(DiagnosticArray, '/diagnostics', 10)
         self._node = node
 
     def publish(self, by_topic: Mapping[str, Any]) -> None:
         """Publish the messages of a result by topic."""
-        self._published = by_topic
+        # Without the plot of the result before, which shows something else.
+        self._published = dict(by_topic)
         for topic, message in by_topic.items():
             self._of_result[topic].publish(message)
+
+    @property
+    def plot_is_watched(self) -> bool:
+        """Return whether somebody subscribes to the plot."""
+        return self._of_result[_PLOT].get_subscription_count() > 0
+
+    def publish_plot(self, image: CompressedImage) -> None:
+        """Publish the plot of the latest result."""
+        self._published[_PLOT] = image
+        self._of_result[_PLOT].publish(image)
 
     def serve_newcomers(self) -> None:
         """Publish again for new volatile subscriptions, which have missed the last result."""

@@ -19,6 +19,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from ros_harness import entries, Health, RATE_HZ, said_in
+from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from whole_lines import Varying
@@ -119,6 +120,13 @@ def test_what_has_not_changed_is_not_published_again(live):
         health.news()
     assert len(late) == 1
     assert [len(messages) for messages in counts.values()] == [2, 1, 1]
+
+
+def test_a_viewer_opened_again_gets_the_plot_though_it_has_not_changed(live):
+    for _ in range(2):
+        # Those of images ask for no earlier messages.
+        images = live.listen(CompressedImage, 'imu_allan/plot/compressed', 10)
+        live.until(lambda images=images: images, timeout=60.0)
 
 
 def test_save_writes_result_curves_plot_and_filter_configurations(live):
