@@ -272,7 +272,7 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
                           'own; --rate is for both')
     for number, stream in enumerate(streams):
         options = choice.options
-        if stream.only_new:
+        if stream.polled:
             # The stated rate is that of the messages, which repeat the samples of this half.
             options = replace(options, rate_hz=None)
         elif stream.half == 'accel' and two_topics:
@@ -284,9 +284,10 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
         shortfall: list[Finding] = []
         if choice.start_s or choice.duration_s is not None:
             blocks = between(blocks, choice.start_s, choice.duration_s, recording.path, shortfall)
-        yield Taken(recording, stream, noted, blocks, characterization.Characterization(
-            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
-            shortfall)
+        own = characterization.Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options)
+        own.timeline.content.polled = stream.polled
+        yield Taken(recording, stream, noted, blocks, own, shortfall)
 
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress

@@ -11,7 +11,7 @@ it; others publish both in turn, each in messages of its own. Each case is recog
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from imu_allan.arrays import Array, Ints
@@ -109,27 +109,24 @@ class Stream:
         Name of the topic in the recording.
     half : {'gyro', 'accel'} or None
         The only half to read; None for both.
-    only_new : bool
-        Whether to skip messages whose half equals that of the message before.
+    polled : bool
+        Whether messages repeat the samples of the half.
 
     """
 
     topic: str
     half: Half | None = None
-    only_new: bool = False
+    polled: bool = False
 
     def select(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
         """Yield the part of `blocks` that belongs to the stream."""
-        # No sample equals this one.
-        last: Array = np.full((1, 3), np.nan)
         for block in blocks:
             if self.half is not None:
                 block = block.only(self.half)
-                if self.only_new:
-                    half = block.samples[:, HALVES[self.half]]
-                    both = np.concatenate([last, half])
-                    last = both[-1:]
-                    block = block.part((both[1:] != both[:-1]).any(axis=1))
+            if self.polled:
+                # The other half is new in each message, which hides what repeats.
+                absent = np.repeat(block.absent, 3, axis=1)
+                block = replace(block, samples=np.where(absent, np.nan, block.samples))
             if len(block):
                 yield block
 
@@ -205,7 +202,7 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
     if len(repeated) != 1:
         return [Stream(topic)]
     recording.remark('repeated_half', topic=printable(topic), half=repeated[0])
-    return [Stream(topic, half, only_new=half in repeated) for half in HALVES]
+    return [Stream(topic, half, polled=half in repeated) for half in HALVES]
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:

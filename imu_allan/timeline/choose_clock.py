@@ -138,14 +138,17 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     rows = ~(repeats.held | repeats.frozen | twice)
     own, other = (stamps[rows] for stamps in stamps_of(memory, window))
     bursts = decision.separates_equal_stamps
-    if repeats.evenly:
+    pace, known = _pace_of(own, other, bursts), memory.content.polled
+    if pace is not None and (repeats.evenly or known):
         polls = ~(repeats.frozen | twice)
         polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))
-        pace = _pace_of(polled, beside, bursts)
-        if pace is not None and _is_full(polled, pace.interval_ns):
+        polling = _pace_of(polled, beside, bursts)
+        if polling is not None and (
+                # A slower sensor is not on the grid of the messages that repeat it.
+                abs(pace.interval_ns / polling.interval_ns - 1) < RATE_TOLERANCE if known
+                else _is_full(polled, polling.interval_ns)):
             # Removed repeats leave gaps on both clocks, but no sample is lost.
             return _pace_of(own, other, bursts, each=True)
-    pace = _pace_of(own, other, bursts)
     if (pace is None or decision.clock != 'header' or memory.options.clock != 'auto'
             or len(own) < PHASE_GROUP
             or flaw_of(window.receive_ns, repeated(window.samples), bursts=True)):

@@ -191,11 +191,12 @@ def _moves(motion: MotionSummary) -> bool:
 def _content_findings(counts: Counts, content: Content) -> Iterator[Finding]:
     if content.frozen:
         yield finding('frozen', messages=content.frozen, since_s=content.frozen_s)
-    if content.held and counts.header.repeats >= content.repeats:
+    # Of a sensor that is known to be polled, `repeated_half` says so.
+    if content.held and not content.polled:
         # Polling gives a repeated value another stamp.
-        yield finding('repeated_part', messages=content.repeats)
-    elif content.held:
-        yield finding('held_values', share=content.repeats / (content.repeats + content.changes))
+        yield (finding('repeated_part', messages=content.repeats)
+               if counts.header.repeats >= content.repeats else finding(
+                   'held_values', share=content.repeats / (content.repeats + content.changes)))
     if counts.spikes:
         yield finding('spikes', messages=counts.spikes)
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.
