@@ -36,7 +36,7 @@ from imu_allan.writers.atomic import resolved, write_atomically
 from imu_allan.writers.result_files import IncompleteSave, save_folder
 import numpy as np
 
-VERSION = 14
+VERSION = 15
 """Version of the layout, raised when other versions of the program would misread the file."""
 _NAME = b'imu_allan.state/'
 
