@@ -274,7 +274,7 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
         options = choice.options
         if stream.polled:
             # The stated rate is that of the messages, which repeat the samples of this half.
-            options = replace(options, rate_hz=None)
+            options = replace(options, rate_hz=None, polled=True)
         elif stream.half == 'accel' and two_topics:
             options = replace(options, rate_hz=choice.reading.accel_rate_hz)
         blocks, noted = in_si_units(recording, stream, offset_progress(
@@ -284,10 +284,9 @@ def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator
         shortfall: list[Finding] = []
         if choice.start_s or choice.duration_s is not None:
             blocks = between(blocks, choice.start_s, choice.duration_s, recording.path, shortfall)
-        own = characterization.Characterization(
-            kind='recording', path=str(recording.path), topic=stream.topic, options=options)
-        own.timeline.content.polled = stream.polled
-        yield Taken(recording, stream, noted, blocks, own, shortfall)
+        yield Taken(recording, stream, noted, blocks, characterization.Characterization(
+            kind='recording', path=str(recording.path), topic=stream.topic, options=options),
+            shortfall)
 
 
 def in_si_units(recording: Recording, stream: Stream, progress: Progress

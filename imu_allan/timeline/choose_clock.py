@@ -138,7 +138,7 @@ def _pace_by_either(memory: Memory, window: Window, repeats: Repeats, twice: Boo
     rows = ~(repeats.held | repeats.frozen | twice)
     own, other = (stamps[rows] for stamps in stamps_of(memory, window))
     bursts = decision.separates_equal_stamps
-    pace, known = _pace_of(own, other, bursts), memory.content.polled
+    pace, known = _pace_of(own, other, bursts), memory.options.polled
     if pace is not None and (repeats.evenly or known):
         polls = ~(repeats.frozen | twice)
         polled, beside = (stamps[polls] for stamps in stamps_of(memory, window))

@@ -41,7 +41,7 @@ def usable(memory: Memory, window: Window) -> Messages:
     c, values = window.consumed, window.samples
     if not all_usable:
         values = np.where(np.all(window.absent, axis=1, keepdims=True), np.nan, values)
-    repeats = memory.content.look(values, c, all_usable)
+    repeats = memory.content.look(values, c, all_usable, memory.options.polled)
     if decision.clock is None:
         _decide(memory, window, repeats)
         # A driver may send one of its sensors in every second message.

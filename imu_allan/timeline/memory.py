@@ -45,6 +45,8 @@ class TimelineOptions:
         Longest gap, in samples, that is interpolated by the local mean.
     motion : {'exclude', 'keep'}
         Whether motion and knocks are cut out.
+    polled : bool
+        Whether messages are known to repeat samples, as those of the slower one of two sensors.
 
     """
 
@@ -53,6 +55,7 @@ class TimelineOptions:
     force_rate: bool = False
     gap_tolerance: int = 5
     motion: Literal['exclude', 'keep'] = 'exclude'
+    polled: bool = False
 
     def __post_init__(self) -> None:
         """Reject unknown values, which a state file may contain; make numbers of numpy plain."""

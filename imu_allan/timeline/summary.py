@@ -141,7 +141,7 @@ def _remarks_of(memory: Memory) -> Iterator[Finding]:
             yield finding('axis_not_finite', (name,))
     for code, figures in memory.decision.remarks.items():
         yield finding(code, **figures)
-    yield from _content_findings(memory.counts, memory.content)
+    yield from _content_findings(memory.counts, memory.content, memory.options.polled)
     yield from _clock_findings(memory)
     yield from _count_findings(memory.counts, memory.decision)
     yield from _motion_findings(memory)
@@ -188,15 +188,17 @@ def _moves(motion: MotionSummary) -> bool:
         and motion.struck > 0.25 * motion.seen))
 
 
-def _content_findings(counts: Counts, content: Content) -> Iterator[Finding]:
+def _content_findings(counts: Counts, content: Content, known: bool) -> Iterator[Finding]:
+    """Yield findings on values; `known`: whether repeats were, before any message."""
     if content.frozen:
         yield finding('frozen', messages=content.frozen, since_s=content.frozen_s)
-    # Of a sensor that is known to be polled, `repeated_half` says so.
-    if content.held and not content.polled:
+    # Where repeats were known before, `repeated_half` says so.
+    held = content.held and not known
+    if held and counts.header.repeats >= content.repeats:
         # Polling gives a repeated value another stamp.
-        yield (finding('repeated_part', messages=content.repeats)
-               if counts.header.repeats >= content.repeats else finding(
-                   'held_values', share=content.repeats / (content.repeats + content.changes)))
+        yield finding('repeated_part', messages=content.repeats)
+    elif held:
+        yield finding('held_values', share=content.repeats / (content.repeats + content.changes))
     if counts.spikes:
         yield finding('spikes', messages=counts.spikes)
     # Less than one in a hundred are occasional driver faults. Chosen by judgment.

@@ -48,7 +48,6 @@ class Content(Record):
     repeats: int = 0  # messages equal to the one before, in runs too short to be frozen
     settled: bool = False  # whether the axes are known to be noisy
     held: bool = False  # whether repeats are due to polling
-    polled: bool = False  # whether that is known beforehand, as of the slower one of two sensors
     # Messages in frozen runs, and the time in seconds at which the first one began.
     frozen: int = 0
     frozen_s: float | None = None
@@ -112,7 +111,7 @@ class Content(Record):
         self.noise = noise.tolist()
         return _outliers(samples, last, noise)
 
-    def look(self, samples: Array, consumed: int, all_usable: bool) -> Repeats:
+    def look(self, samples: Array, consumed: int, all_usable: bool, polled: bool) -> Repeats:
         """Find held and frozen messages and outliers; only the first `consumed` count."""
         known = samples if all_usable else np.nan_to_num(samples)
         wild = self.spikes(known if all_usable else np.clip(known, -LARGEST, LARGEST))
@@ -135,13 +134,12 @@ class Content(Record):
                         zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
         self.repeats += int(np.count_nonzero(same[:consumed] & ~long[:consumed]))
         self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
-        if not self.polled and (not self.is_noisy or self._alone_is_coarse(known)):
+        if not polled and (not self.is_noisy or self._alone_is_coarse(known)):
             return Repeats(none, none, wild)
         self.settled = True
         evenly = _come_evenly(same & ~long)
         # One repeat in five is due to polling, not to an occasional double delivery.
-        self.held |= (self.polled or evenly
-                      or self.repeats > 0.2 * (self.repeats + self.changes))
+        self.held |= polled or evenly or self.repeats > 0.2 * (self.repeats + self.changes)
         self.frozen += int(np.count_nonzero(long[:consumed]))
         return Repeats(same & ~long if self.held else none, long, wild, evenly)
 

@@ -273,7 +273,7 @@ def test_a_rate_may_be_a_number_of_numpy(kind):
     assert characterize(rows, kind(200)).to_dict() == characterize(rows, 200.0).to_dict()
 
 
-@pytest.mark.parametrize(('crossings', 'least'), [(5, 8), (10, 16)])
+@pytest.mark.parametrize(('crossings', 'least'), [(5, 10), (10, 16)])
 def test_the_first_slow_noise_that_shows_is_flicker_and_no_random_walk(crossings, least):
     """Of 120 short records in which flicker had just come into sight 22 had a random walk."""
     count = 36_000
