@@ -172,6 +172,7 @@ class CharacterizationNode(AnyExecutorNode):
             now = time.monotonic()
             count = self._catch_up(now)
             self._worker.hand_out()
+            self._outputs.serve_newcomers()
             if self._fitting.due(now):
                 self._fitting.publish_or_fit(now, self._runs.run, max(
                     reception.last_message for reception in self._receptions))

@@ -62,7 +62,7 @@ class Fitting:
         return periods > 0
 
     def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
-        """Start a new fit if one is due; otherwise serve the last result to new subscribers."""
+        """Start a new fit if one is due; otherwise look for new subscribers."""
         # After this long without a sample, a final fit includes all samples so far.
         settled = now - last_message > 2.0
         if self._worker.under_way('fit'):
@@ -72,7 +72,7 @@ class Fitting:
         if run.fed != run.fitted and (settled or run.span_s >= self._fitted_s * growth):
             self.fit(run, to_the_end=settled)
         else:
-            self._outputs.serve_newcomers()
+            self._outputs.look_for_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
         """Start a fit; `to_the_end` if no more messages are expected."""

@@ -178,6 +178,7 @@ class OutputTopics:
         self._of_result = {topic: publisher(kind, f'~/{topic}') for topic, kind in kinds.items()}
         self._published: dict[str, Any] = {}
         self._volatile: dict[str, set[bytes]] = {topic: set() for topic in self._of_result}
+        self._with_newcomers: list[str] = []
         self.diagnostics = publisher(DiagnosticArray, '/diagnostics', 10)
         self._node = node
 
@@ -198,13 +199,22 @@ class OutputTopics:
         self._published[_PLOT] = image
         self._of_result[_PLOT].publish(image)
 
-    def serve_newcomers(self) -> None:
-        """Publish again for new volatile subscriptions, which have missed the last result."""
+    def look_for_newcomers(self) -> None:
+        """Find new volatile subscriptions, which have missed the last result."""
         for topic, publisher in self._of_result.items():
             volatile = {
                 bytes(info.endpoint_gid)
                 for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name)
                 if info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL}
-            if volatile - self._volatile[topic] and topic in self._published:
-                publisher.publish(self._published[topic])
+            if volatile - self._volatile[topic]:
+                self._with_newcomers.append(topic)
             self._volatile[topic] = volatile
+
+    def serve_newcomers(self) -> None:
+        """Publish again for the newcomers that the last look found, a tick later."""
+        # The graph shows a subscription up to some milliseconds before it is matched with the
+        # publisher; a message between the two would reach nobody.
+        for topic in self._with_newcomers:
+            if topic in self._published:
+                self._of_result[topic].publish(self._published[topic])
+        self._with_newcomers.clear()
