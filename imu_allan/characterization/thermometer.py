@@ -136,7 +136,9 @@ class Thermometer(Record):
         after = np.clip(np.searchsorted(times, at), 0, len(times) - 1)
         before = np.maximum(after - 1, 0)
         gap = (times[after] - times[before] > reach) & (at > times[0]) & (at < times[-1])
-        outside = (at < times[0] - reach) | (at > times[-1] + reach)
+        # A thermometer that comes late has missed the fastest part of a warm-up.
+        early = 10 * usual * self.width or reach
+        outside = (at < times[0] - early) | (at > times[-1] + reach)
         values[gap | outside] = np.nan
         return np.asarray(values)
 

@@ -122,9 +122,11 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(rows):
 @pytest.mark.parametrize(('at', 'celsius', 'expected'), [
     (lambda s: s[s < 2000], celsius_at,
      [{'fault': 'short', 'covered_share': pytest.approx(0.635, abs=5e-3)}]),
+    (lambda s: s[s > 500], celsius_at,
+     [{'fault': 'short', 'covered_share': pytest.approx(0.867, abs=5e-3)}]),
     (lambda s: s, lambda s: np.full(len(s), 25.0), [{'fault': 'constant'}]),
     (lambda s: s + 1e6, celsius_at, [{'fault': 'short', 'covered_share': 0.0}])],
-    ids=['short', 'constant', 'elsewhere'])
+    ids=['short', 'late', 'constant', 'elsewhere'])
 def test_readings_that_are_little_or_no_use_are_reported(rows, at, celsius, expected):
     readings = at(SECONDS[::20])
     result = result_of(rows, readings, celsius(readings))
