@@ -253,8 +253,8 @@ class Runs:
     def _replace(self) -> None:
         """Replace the current run by that of the other IMU."""
         before, run = self.run, self._others[0]
-        begins = 'the run of before goes on' if run.over else 'a new run begins'
-        self._log.warning(f'{begins}, the one before cannot go on: {self._why}', 'new run', 0.0)
+        begins = 'the earlier run goes on' if run.over else 'a new run begins'
+        self._log.warning(f'{begins}, the last one cannot go on: {self._why}', 'new run', 0.0)
         self._replaced(before, self._why)
         self._others[0] = before
         self._take_up(run)

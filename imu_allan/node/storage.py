@@ -206,8 +206,8 @@ class Storage:
                 runs = unpack(state, self._setup)
         except UnusableState as error:
             aside = self._state_file.keep_aside(error.reason)
-            self._note_aside(f'{self._state_file.path} could not be resumed from, {error}; it',
-                             aside)
+            self._note_aside(f'a new run: {self._state_file.path} could not be resumed from, '
+                             f'{error}; it', aside)
         longest_s = max(lane.characterization.summary().timeline.duration_s
                         for lane in runs[0].lanes)
         # Without samples there is nothing to go on with, as at first or after a reset.
@@ -238,12 +238,12 @@ class Storage:
             return aside
 
         self._worker.start('aside', keep, lambda aside: self._note_aside(
-            f'the one before cannot go on, {why}; its state', aside))
+            f'the last run cannot go on, {why}; its state', aside))
         # The next run has to be on the disk at once.
         self._last_checkpoint = time.monotonic() - self._values['checkpoint_period']
 
     def _note_aside(self, what: str, aside: Path) -> None:
-        self._facts.resumed = f'a new run: {what} is kept as {aside.name}'
+        self._facts.resumed = f'{what} is kept as {aside.name}'
         self._log.warning(self._facts.resumed, 'aside', 0.0)
 
     def checkpoint_due(self, now: float, runs: Sequence[Run]) -> bool:

@@ -48,15 +48,14 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     other = Sensor(ros, seed=2)
     other.now_s = sensor.now_s
     other.plug_in()
-    measure_until(other, f'a new run begins, the one before cannot go on: {reason}', 'other')
+    measure_until(other, f'a new run begins, the last one cannot go on: {reason}', 'other')
     other.measure(20.0, frame_id='other')
     document = saved(ros, other)
     # It begins with the first sample after the change.
     assert document['timeline']['rejected'] == 0
     assert document['source']['frame_id'] == 'other'
     assert document['timeline']['sample_rate_hz'] == pytest.approx(50.0, rel=1e-3)
-    kept = Varying(f'a new run: the one before cannot go on, {reason}; its state is kept as '
-                   'state.<words>')
+    kept = Varying(f'the last run cannot go on, {reason}; its state is kept as state.<words>')
     ros.until(lambda: kept in node.lines)
     [aside] = ros.folder.glob('state.*Z')
     assert aside.stat().st_size > 10_000
@@ -64,7 +63,7 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one_until_its_imu_r
     other.unplug()
     sensor.now_s = other.now_s
     sensor.plug_in()
-    measure_until(sensor, 'goes on')
+    measure_until(sensor, 'the earlier run goes on, the last one cannot go on')
     sensor.measure(20.0)
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
