@@ -124,13 +124,12 @@ def zero_bias(result: Result, name: str, expected: float) -> Measured:
     if axis.mean is None or not mean_is_known(axis):
         return Measured(undecided='the noise density does not show, and with it what the mean is '
                                   'worth; record for longer')
-    # In a short record, a drift that does not show is most of the error.
-    starts = [(part.means[name], error_of_mean(axis, part.duration_s, at_most=True))
+    starts = [(part.means[name], error_of_mean(axis, part.duration_s))
               for part in result.recordings if name in part.means]
     if not starts:
         # The result of a node may be of several starts: the error includes how they differ.
         spread = result.turn_on_bias.get(name)
-        starts = [(axis.mean, hypot(error_of_mean(axis, result.rest_of(name), at_most=True),
+        starts = [(axis.mean, hypot(error_of_mean(axis, result.rest_of(name)),
                                     0.0 if spread is None else spread.sigma))]
     distance, error = max(((mean - expected, error) for mean, error in starts),
                           key=lambda start: abs(start[0]))

@@ -59,7 +59,7 @@ def turn_on_bias(axes: Mapping[str, AxisResult],
     """
     Return the spread of means from one power-on to the next, of axes with at least two.
 
-    `axes`: their coefficients give the error of a mean over a record. `means`: of each axis, each
+    `axes`: their drift models give the error of a mean over a record. `means`: of each axis, each
     with the duration of its record in seconds. Returns: the scatter that measurement error does
     not explain; the lower end of the interval also allows for unobservable terms.
     """

@@ -14,6 +14,7 @@ from math import log, sqrt
 from imu_allan.arrays import Array
 from imu_allan.block import NEIGHBOURS
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.terms import allan_variance, LASTING_TERMS, SLOW_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient
@@ -111,16 +112,18 @@ def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False)
     """
     Return the standard error of the mean of one axis over a record.
 
-    `axis`: a fitted axis for which `mean_is_known`; unobservable terms count as zero. `at_most`:
-    count unobservable lasting terms by their upper bounds, for the largest error. Returns: the
-    Allan deviation of the fitted terms at the length of the record. It says how well the mean of
-    one such record predicts that of the next. Zero without a record.
+    `axis`: a fitted axis for which `mean_is_known`. Returns: the Allan deviation of the drift
+    model at the length of the record. It says how well the mean of one such record predicts that
+    of the next. Zero without a record. `at_most`: that of the lasting terms instead, with the
+    upper bounds of unobservable ones.
     """
-    values = {key: found.value for key, found in axis.coefficients.items()
-              if found.value is not None}
-    if at_most:
-        values |= {key: bound for key in LASTING_TERMS if key not in values
-                   and (bound := axis.coefficients[key].upper95) is not None}
+    if duration_s <= 0:
+        return 0.0
     # A file may state 5e-324 s, over which the error of a mean is infinite.
     with np.errstate(over='ignore'):
-        return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0
+        if axis.drift_model is not None and not at_most:
+            return sqrt(float(drift_avar(axis.drift_model, axis.tones, duration_s)))
+        sizes = {key: found.upper95 if found.value is None else found.value
+                 for key, found in axis.coefficients.items() if key in LASTING_TERMS}
+        return sqrt(float(allan_variance(
+            {key: size for key, size in sizes.items() if size is not None}, duration_s)))

@@ -193,7 +193,7 @@ def longer_recording_note(result: Result) -> str:
 
 def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
                  ) -> tuple[str, str, str]:
-    """Return a mean in the unit of a sample and its 95 % interval by the fitted terms, as text."""
+    """Return a mean in the unit of a sample and its 95 % interval, as text."""
     half = NORMAL95 * error_of_mean(axis, duration_s)
     return wording.measured(*(convert(value, axis.unit, unit)
                               for value in (mean, mean - half, mean + half)))

@@ -5,11 +5,13 @@
 from dataclasses import replace
 
 from characterized import shown
+from imu_allan import characterize
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, line_avar
+from imu_allan.noise.uncertainty import error_of_mean
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
 import pytest
@@ -71,6 +73,20 @@ def test_the_allan_variance_adds_noise_random_walk_processes_and_lines():
     np.testing.assert_allclose(
         drift_avar(model, (Tone(0.4, 0.2),), tau),
         4 / tau + 3 * tau + gauss_markov_avar(0.5, 7.0, tau) + line_avar(0.4, 0.2, tau))
+
+
+@pytest.mark.parametrize('seconds', [60, 600])
+@pytest.mark.parametrize('drift', [{'bias_instability': B}, {'rate_random_walk': 1e-5}])
+def test_the_error_of_a_mean_counts_the_drift_that_a_short_record_does_not_show(drift, seconds):
+    # The next mean differs by the square root of two errors.
+    missed = []
+    for seed in range(24):
+        both = simulate({'noise_density': N, **drift}, 2 * seconds * 20, 20.0, seed)
+        first, second = both.reshape(2, -1)
+        error = error_of_mean(characterize(first, 20.0), seconds)
+        missed.append((second.mean() - first.mean()) / (np.sqrt(2) * error))
+    assert np.mean(np.abs(missed) < 1.96) > 0.8
+    assert 0.3 < np.sqrt(np.mean(np.square(missed))) < 1.5
 
 
 def test_where_measuring_is_exact_the_spread_is_that_of_the_sample():
