@@ -257,14 +257,14 @@ def _parse(lines: list[str], columns: Columns) -> tuple[Array, Ints | None, list
     if clock is None:
         table, _, bad = _numbers(lines, columns.delimiter, axes)
         return table, None, bad
-    seconds_and_parts = [column for column in (clock.column, clock.nanoseconds)
-                         if column is not None]
+    seconds_and_parts = [column for column in (clock.column, clock.parts) if column is not None]
     table, places, bad = _numbers(lines, columns.delimiter, [*axes, *seconds_and_parts])
     times, parts = table[:, len(axes)], table[:, -1]
     unit_s = convert(1.0, str(clock.unit), 's')
     # Larger times do not fit into 64 bits of nanoseconds.
     timely = np.abs(times * unit_s) < 9.2e9
-    if clock.nanoseconds is not None:
+    if clock.parts is not None:
+        parts = parts * clock.part_ns
         # During the first second, total nanoseconds look like a fraction; reject the later rows.
         timely &= (np.floor(times) == times) & ~((parts < 0) | (parts >= 1e9))
     # Rows of another topic may have no time for this one, and are not malformed.
@@ -278,7 +278,7 @@ def _parse(lines: list[str], columns: Columns) -> tuple[Array, Ints | None, list
                                     [clock.column], int)
         if not others:
             stamps = exact[:, 0]
-    if clock.nanoseconds is not None:
+    if clock.parts is not None:
         stamps += np.nan_to_num(parts[kept]).astype(np.int64)
     return table[kept], stamps, bad
 
@@ -370,16 +370,16 @@ def _are_apart(columns: Columns, rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _is_plausible_clock(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
-    """Return whether a clock changes, or is seconds and nanoseconds in all rows but one."""
-    if clock.nanoseconds is None:
+    """Return whether a clock changes, or is seconds and their parts in all rows but one."""
+    if clock.parts is None:
         # Some drivers leave the stamps at zero.
         times = _column(rows[:_FIRST_LINES], clock.column)
         return len(times) < 2 or len(set(times)) > 1
     others = 0
     for row in rows:
         with suppress(ValueError, IndexError):
-            whole, part = float(row[clock.column]), float(row[clock.nanoseconds])
-            others += not (whole.is_integer() and 0 <= part < 1e9)
+            whole, part = float(row[clock.column]), float(row[clock.parts])
+            others += not (whole.is_integer() and 0 <= part * clock.part_ns < 1e9)
     return others < 2
 
 

@@ -75,14 +75,17 @@ class Clock:
         Index of the column.
     unit : str or None
         Unit of the times; None if it is to be inferred from the numbers.
-    nanoseconds : int or None
-        Index of a column of nanoseconds to add to the whole seconds.
+    parts : int or None
+        Index of a column of parts of a second to add to the whole seconds.
+    part_ns : int
+        Nanoseconds in such a part: 1 or 1000.
 
     """
 
     column: int
     unit: str | None = None
-    nanoseconds: int | None = None
+    parts: int | None = None
+    part_ns: int = 1
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     Parse the header line of a file; raise NamesNoAxis if it names no axis.
 
     `is_usable` returns whether the stamps of a clock change, or its two columns are seconds and
-    nanoseconds.
+    parts of them.
     """
     delimiter, cells = cells_of(header)
     names = [_name_of(cell) for cell in cells]
@@ -187,7 +190,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
             f'begins with a line such as {_EXAMPLE}, with units as in gyro_x [deg/s]. '
             '--columns gyro_x=NAME,accel_z=NAME,time=NAME says what others are, by name or number '
             'from 1')
-    read = {*of_axes, *times} | ({clock.column, clock.nanoseconds} if clock else set())
+    read = {*of_axes, *times} | ({clock.column, clock.parts} if clock else set())
     temperature = next((
         column for column, name in enumerate(names) if column not in read and (
             re.fullmatch(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?',
@@ -310,12 +313,15 @@ def is_rest_of_imu(cell: str) -> bool:
 
 
 def _split_seconds(names: Sequence[Name]) -> Iterator[Clock]:
-    """Find columns of whole seconds with their matching columns of nanoseconds."""
-    whole, parts = ({match[1]: column for column, name in reversed([*enumerate(names)])
-                     if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})', name.name.lower()))}
-                    for words in ('secs?|seconds', 'nano_?secs?|nano_?seconds|nsecs?'))
-    for path in sorted(whole.keys() & parts.keys(), key=lambda path: whole[path]):
-        yield Clock(whole[path], 's', parts[path])
+    """Find columns of whole seconds with their matching columns of nano- or microseconds."""
+    whole, *others = ({match[1]: column for column, name in reversed([*enumerate(names)])
+                       if (match := re.fullmatch(rf'((?:.*[/._])?)(?:{words})',
+                                                 name.name.lower()))}
+                      for words in ('s|secs?|seconds|unix_time', 'ns|n(?:ano)?_?sec(?:ond)?s?',
+                                    'us|u_?secs?|micro_?sec(?:ond)?s?'))
+    for parts, part_ns in zip(others, (1, 1000), strict=True):
+        for path in sorted(whole.keys() & parts.keys(), key=lambda path: whole[path]):
+            yield Clock(whole[path], 's', parts[path], part_ns)
 
 
 def _factor(name: Name, options: RecordingOptions) -> float:

@@ -321,6 +321,9 @@ def fields(form):
     ('ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);GYROSCOPE X (rad/s);'
      'GYROSCOPE Y (rad/s);GYROSCOPE Z (rad/s);MAGNETIC FIELD X (μT);Time since start in ms ;'
      'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
+    *((f'{clock},gx,gy,gz,ax,ay,az\n7,999999,1,2,3,4,5,6\n8,250000,1,2,3,4,5,6\n',
+       [7_999_999_000, 8_250_000_000]) for clock in (
+           'Unix Time,Microseconds', 'sec,usec', 'time_s,time_us')),
     ('time,seconds,nanoseconds,gx,gy,gz,ax,ay,az\n1.5,0.125,125000000,1,2,3,4,5,6\n'
      '1.5,0.25,250000000,1,2,3,4,5,6\n', [1_500_000_000] * 2),
     ('Booting...\nMPU6050 found, range +-8 g\n"fw","2"\ngx: 250 dps, ax: 8 g\ngain,ax\n'
@@ -346,7 +349,8 @@ def fields(form):
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of another topic', 'quotes', 'commas behind whole numbers',
         'omega', 'uzh', 'insane', 'phyphox', 'comments', 'axis first', 'bagpy',
-        'sensorlog', 'androsensor', 'time beside two numbers',
+        'sensorlog', 'androsensor', 'advanced navigation', 'timeval', 'two units',
+        'time beside two numbers',
         'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast',
         'phyphox in German', 'other languages', 'vectornav',
