@@ -140,8 +140,9 @@ def _size(text: str) -> _Size:
     text = text.translate(_SPELLINGS)
     text = re.sub(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
                   lambda m: f'({m[1] or m[2]})^0.5', text).strip()
-    # Two units side by side are multiplied. The rest has the syntax of Python.
-    text = re.sub(r'(?<=[\w)])\s*(?=\()|(?<=\))\s*(?=[A-Za-z])|(?<=\w)\s+(?=[A-Za-z])', '*', text)
+    # Two units side by side, or with a dot, are multiplied. The rest has the syntax of Python.
+    text = re.sub(r'(?<=[\w)])\s*(?=\()|(?<=\))\s*(?=[A-Za-z])|(?<=\w)[\s.]+(?=[A-Za-z])', '*',
+                  text)
     return _size_of(ast.parse(text.replace('^', '**'), mode='eval').body)
 
 

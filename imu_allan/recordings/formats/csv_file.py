@@ -32,6 +32,7 @@ from imu_allan.recordings.formats.csv_header import (
     QUOTES,
     read_header,
     require_time,
+    with_units,
 )
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
@@ -155,6 +156,8 @@ class CsvRecording(FileRecording):
             if lines and _is_row(text, cells_of(lines[-1][0])[0]):
                 if _is_message(lines[-1][0], text):
                     lines.append((text, at, number))
+                elif lines[1:] and (named := with_units(lines[-2][0], lines[-1][0])) is not None:
+                    lines.append((named, *lines[-1][1:]))
                 del lines[:-1]
                 break
             if text.strip(QUOTES + ',;|'):

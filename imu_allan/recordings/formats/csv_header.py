@@ -304,6 +304,19 @@ def names_column(line: str) -> bool:
     return any(_name_of(cell).meaning for cell in cells_of(line)[1])
 
 
+def with_units(names: str, units: str) -> str | None:
+    """Put a line of units, such as ``(s),(deg/s)``, behind the names of axes in the line above."""
+    (delimiter, above), (_, below) = cells_of(names), cells_of(units)
+    named, others = (any(_name_of(cell).meaning in AXES for cell in cells)
+                     for cells in (above, below))
+    if not named or others or len(above) != len(below) or any(map(is_number, below)):
+        return None
+    bare = [re.sub(r'^[(\[](.*)[])]$', r'\1', cell.strip(QUOTES)) for cell in below]
+    return (delimiter or ' ').join(
+        f'{name.strip(QUOTES)} [{unit}]' if unit else name
+        for name, unit in zip(above, bare, strict=True))
+
+
 def is_rest_of_imu(cell: str) -> bool:
     """Return whether a column is another field of an Imu: header, orientation or covariance."""
     return re.fullmatch(

@@ -227,8 +227,11 @@ EIGHT_FIELDS = (
            # One of them is without gravity.
            ('time_s,gyroscope_lsm6ds3_c.z,accelerometer_lsm6ds3_c.x,linear_Acceleration.x',
             '3 and 4', 'accel_x', 'gyro_z=2,accel_x=3'))),
-    # A line of units, which are never taken for SI.
-    ('time,gyro_x,accel_z\ns,deg/s,g\n0.5,180,1\n1.0,90,2\n', no_axes('s,deg/s,g')),
+    # A line below the names that holds no units, or fewer.
+    ('time,gyro_x,accel_z\nfloat,float,float\n0.5,180,1\n1.0,90,2\n',
+     'column gyro_x: float cannot be turned into rad/s; '
+     "--columns gives another unit, as in 'gyro_x=NAME deg/s'"),
+    ('time,gyro_x,accel_z\ns,deg/s\n0.5,180,1\n1.0,90,2\n', no_axes('s,deg/s')),
     (b'time_s,gyro_x\n0,1\n' + b'1' * 3_000_000,
      'a line ending at byte 2097167 is longer than 1048576 bytes; not a CSV file of samples'),
     ('gyro_x,' * 200_000, 'line 1 is longer than 1 MiB: it is no table of samples'),
@@ -387,6 +390,23 @@ def test_units_stand_in_names_in_many_ways(path, header, factors):
     messages, _ = read_text(path, f'time [ms],{header}\n500,{numbers}\n')
     assert messages.header_ns.tolist() == [500_000_000]
     assert messages.samples[0] == pytest.approx(np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
+
+
+@pytest.mark.parametrize(('names', 'units', 'row'), [
+    ('time,status,gyro_x,accel_x', 's,,deg/s,g', '0.5,7,180,2'),
+    ('"Time","status","Gyro X","Acc X"', '"[ms]","[]","[deg/s]","[mg]"', '500,7,180,2000'),
+    ('# t status gx ax', '# us - mdps m/s2', '500000 7 180000 19.6133'),
+    # A program of SBG
+    ('timestamp\tstatus\tgyroX\taccelX', '(us)\t(na)\t(deg.s^-1)\t(m.s^-2)',
+     '500000\t7\t180\t19.6133'),
+    ('iso8601Time\tstatus\tgyroX\taccelX', '(yyyy-mm-ddThh:mm:ss.sssZ)\t(na)\t(deg.s^-1)\t(g)',
+     '1970-01-01T00:00:00.500Z\t7\t180\t2')],
+    ids=['bare', 'in brackets', 'blanks', 'sbg', 'sbg with dates'])
+def test_a_line_below_the_names_may_hold_their_units(path, names, units, row):
+    messages, remarks = read_text(path, f'{names}\n{units}\n{row}\n')
+    assert messages.header_ns.tolist() == [500_000_000]
+    assert messages.samples[0, [0, 3]] == pytest.approx([pi, 2 * 9.80665], rel=1e-12)
+    assert [remark.code for remark in remarks] == ['ignored_columns']
 
 
 @pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'latin-1'])
