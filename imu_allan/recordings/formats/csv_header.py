@@ -7,7 +7,8 @@ Recognized are the names of this project (``time_s``, ``gyro_x``), of EuRoC and 
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
 UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), PlotJuggler (``__time,/imu/angular_velocity/x``),
 phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nsecs``), phone apps
-(SensorLog, AndroSensor), VectorNav, Xsens, autopilots and short names (``t,gx,ay``).
+(SensorLog, AndroSensor), VectorNav, Xsens, WitMotion, autopilots (``gyroADC[0] (deg/s)`` of
+Betaflight, where blackbox_decode gives units) and short names (``t,gx,ay``).
 Words for time and sensors may be German, Spanish, French, Italian or Portuguese.
 """
 
@@ -37,10 +38,11 @@ _AXES = [
       for sensor, words in (
         ('gyro', r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
                  r'|g[iy]ros[ck][oó]p(?:e|io)?|gyro_?rotation|gyro_rad|gyro|gyr|w_rs_s|omega'
-                 r'|drehrate|winkelgeschwindigkeit'),
+                 r'|drehrate|winkelgeschwindigkeit|uncompgyro|gyroadc|as'),
         ('accel', r'(?:total_?|accelerometer_?)?ac?c[eé]l[eé]r(?:a[czt]i[oó]ne?|a[cç][aã]o)'
                   r'|ac?c[eé]l[eé]r[oóô]m[eéè]t(?:er|r[eo])|accelerometer_m_s2|acc?e?l|acc'
-                  r'|a_rs_s|lin(?:ear)?_?acc(?:el(?:eration)?)?|beschleunigung')))]
+                  r'|a_rs_s|lin(?:ear)?_?acc(?:el(?:eration)?)?|beschleunigung'
+                  r'|uncompacc(?:el)?|accsmooth')))]
 """Names of the axes of a sensor."""
 _UNITS = {
     'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?p?s|rad_?per_?s(?:ec)?',
@@ -56,8 +58,8 @@ _CLOCKS = tuple(re.compile(form) for form in (
     rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|timestamp_unix'))
 """Names of times. The T of an autopilot is a temperature."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
-            'timestartup': 'ns'}
-"""Units that names of times imply: `rostopic echo -p`, Arduino's clocks, VectorNav."""
+            'timestartup': 'ns', 'gyroadc': 'counts', 'accsmooth': 'counts'}
+"""Units that names imply: `rostopic echo -p`, Arduino's clocks, VectorNav, blackbox_decode."""
 
 
 class NamesNoAxis(ImuAllanError):
@@ -169,7 +171,7 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     of_axes = [column for column in chosen if column not in times]
     # Axes that the user gives are all that are read; a given rate takes the place of the time.
     if not headless and not (of_axes and (clock or options.rate_hz)):
-        of_axes = of_axes or [column for column, name in enumerate(names) if name.meaning in AXES]
+        of_axes = of_axes or _measured(names)
         clock = clock or next(filter(is_usable, (*_split_seconds(names), *times.values())),
                               next(iter(times.values()), None))
     places: dict[str, int] = {}
@@ -295,7 +297,8 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
     for sensor, form in _AXES:
         if (match := form.fullmatch(name)) is not None:
             axis = next(filter(None, match.groups()))
-            return f'{sensor}_{"xyz"["xyz012".index(axis) % 3]}', implied
+            return f'{sensor}_{"xyz"["xyz012".index(axis) % 3]}', (
+                implied or _IMPLIED.get(name.partition('[')[0]))
     return None, implied
 
 
@@ -337,15 +340,25 @@ def _split_seconds(names: Sequence[Name]) -> Iterator[Clock]:
             yield Clock(whole[path], 's', parts[path], part_ns)
 
 
+def _measured(names: Sequence[Name]) -> list[int]:
+    """Find the columns of axes; an uncompensated one counts if there is no other of its axis."""
+    columns = [column for column, name in enumerate(names) if name.meaning in AXES]
+    raw = {column for column in columns if names[column].name.lower().startswith('uncomp')}
+    others = {names[column].meaning for column in columns if column not in raw}
+    return [column for column in columns
+            if column not in raw or names[column].meaning not in others]
+
+
 def _factor(name: Name, options: RecordingOptions) -> float:
     is_gyro = str(name.meaning).startswith('gyro')
-    if name.unit is None:
+    stated = options.gyro_unit if is_gyro else options.accel_unit
+    if name.unit is None or (name.unit == 'counts' and stated is not None):
         return options.factors[0 if is_gyro else 1]
     # Handle the spellings of EuRoC (rad s^-1), others (m/s2) and phones (G, g-force).
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', name.unit)
     spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
-    if not is_gyro and re.fullmatch(r"g(?:'?s|[-*]?force)?", spelled.lower()):
-        spelled = 'g'
+    if not is_gyro and re.fullmatch(r"m?g(?:'?s|[-*]?force)?", spelled.lower()):
+        spelled = 'mg' if spelled.startswith('m') else 'g'
     si_unit, other = (RAD_PER_S, 'deg/s') if is_gyro else (M_PER_S2, 'g')
     return _converted(name.name, spelled, si_unit, f'{name.meaning}=NAME {other}')
 

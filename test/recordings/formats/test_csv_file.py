@@ -344,6 +344,8 @@ def fields(form):
      [2_500_000_000]),
     ('TimeStartup,UncompAccelX,UncompGyroX,Temp,AccelX,AccelY,AccelZ,AngularRateX,AngularRateY,'
      'AngularRateZ\n2500000001,7,8,25,4,5,6,1,2,3\n', [2_500_000_001]),
+    ('Time [s],GpsToW,UnCompMagX,UnCompAccX,UnCompAccY,UnCompAccZ,UnCompGyroX,UnCompGyroY,'
+     'UnCompGyroZ,Temperature\n2.5,0,0,4,5,6,1,2,3,25\n', [2_500_000_000]),
     ('TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2500000,0,1,2,3,4,5,6,25\n', [2_500_000_000]),
     ('timestamp,TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T\n2.5,7,0,1,2,3,4,5,6,25\n',
      [2_500_000_000]),
@@ -357,7 +359,7 @@ def fields(form):
         'arduino that starts',
         'tum-vi for dso', 'arduino', 'arduino, short', 'arduino, fast',
         'phyphox in German', 'other languages', 'vectornav',
-        'ardupilot', 'mavlogdump', 'px4'])
+        'instinct', 'ardupilot', 'mavlogdump', 'px4'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     messages, remarks = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
@@ -382,6 +384,11 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
      (pi / 180, 9.80665)),
     ('gyro_icm20948_x,gyro_icm20948_y,gyro_icm20948_z,acc_bmi270.x,acc_bmi270.y,acc_bmi270.z',
      (1.0, 1.0)),
+    ('Gx[dps],Gy[dps],Gz[dps],Ax[mG],Ay[mG],Az[mG]', (pi / 180, 9.80665e-3)),
+    # WitMotion and Betaflight's blackbox_decode
+    ('AsX(°/s),AsY(°/s),AsZ(°/s),AccX(g),AccY(g),AccZ(g)', (pi / 180, 9.80665)),
+    (' gyroADC[0] (deg/s), gyroADC[1] (deg/s), gyroADC[2] (deg/s), accSmooth[0] (m/s/s),'
+     ' accSmooth[1] (m/s/s), accSmooth[2] (m/s/s)', (pi / 180, 1.0)),
     # Blanks are no unit.
     ('gyro_x [],gyro_y [ ],gyro_z,accel_x ( ),accel_y (),accel_z', (1.0, 1.0)),
 ])
@@ -407,6 +414,17 @@ def test_a_line_below_the_names_may_hold_their_units(path, names, units, row):
     assert messages.header_ns.tolist() == [500_000_000]
     assert messages.samples[0, [0, 3]] == pytest.approx([pi, 2 * 9.80665], rel=1e-12)
     assert [remark.code for remark in remarks] == ['ignored_columns']
+
+
+def test_counts_of_a_flight_controller_have_no_unit_but_a_stated_one(path):
+    header = 'loopIteration, time (us), ' + ', '.join(
+        f'{name}[{axis}]' for name in ('gyroADC', 'accSmooth') for axis in range(3))
+    assert refusal(path, f'{header}\n0, 500, 1, 2, 3, 4, 5, 6\n') == (
+        'column gyroADC[0]: counts cannot be turned into rad/s; --columns gives another unit, as '
+        "in 'gyro_x=NAME deg/s'")
+    block, _ = read(path, options=RecordingOptions(gyro_unit='deg/s', accel_unit='g/2048'))
+    assert block.samples[0] == pytest.approx(
+        np.arange(1, 7) * np.repeat([pi / 180, 9.80665 / 2048], 3), rel=1e-15)
 
 
 @pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'latin-1'])
