@@ -46,9 +46,9 @@ _LONGEST_LINE = 1 << 20
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
-_DATE = re.compile(r'(?<![\w:])(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d{1,9})?)\d*'
-                   r'(?:Z|([+-]\d\d):?(\d\d))?')
-"""A time of ISO 8601."""
+_DATE = re.compile(r'(?<![\w:])(\d{4})[-/](\d\d?)[-/](\d\d?)[T ](\d\d?:\d\d:\d\d)'
+                   r'(?:(?:\.|:(?=\d{3}\b))(\d{1,9})\d*)?(?:Z|([+-]\d\d):?(\d\d))?')
+"""A time of ISO 8601, or as 2024/6/24 and with a colon before the milliseconds."""
 
 
 class CsvRecording(FileRecording):
@@ -312,9 +312,10 @@ def _numbers(lines: list[str], delimiter: str | None, used: Sequence[int],
 
 def _nanoseconds(time: re.Match[str]) -> str:
     """Return a date and time as nanoseconds since 1970; what is none stays as it is."""
-    day, clock, hours, minutes = time.groups('')
+    year, month, day, clock, fraction, hours, minutes = time.groups('')
+    written = f'{year}-{month:0>2}-{day:0>2}T{clock:0>8}.{fraction or 0}'
     try:
-        stamp = int(np.datetime64(f'{day}T{clock}', 'ns').astype(np.int64))
+        stamp = int(np.datetime64(written, 'ns').astype(np.int64))
     except ValueError:
         return time[0]
     ahead_s = 3600 * int(hours or 0) + 60 * int(f'{hours[:1]}{minutes or 0}')
@@ -373,11 +374,11 @@ def _are_apart(columns: Columns, rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _is_plausible_clock(rows: Sequence[Sequence[str]], clock: Clock) -> bool:
-    """Return whether a clock changes, or is seconds and their parts in all rows but one."""
+    """Return whether a clock is changing numbers, or seconds and parts in all rows but one."""
     if clock.parts is None:
-        # Some drivers leave the stamps at zero.
+        # Some drivers leave the stamps at zero; a time of day may stand beside one in numbers.
         times = _column(rows[:_FIRST_LINES], clock.column)
-        return len(times) < 2 or len(set(times)) > 1
+        return len(times) < 2 or (len(set(times)) > 1 and any(map(is_number, times)))
     others = 0
     for row in rows:
         with suppress(ValueError, IndexError):

@@ -55,7 +55,7 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'(?:.*[/.])?header[./]stamp|millis|micros|(ms|us)|time(?:stamp)?([mun]s)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
     rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}',
-    rf'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|timestamp_unix'))
+    rf'(?:unix|system|device|chip)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|timestamp_unix'))
 """Names of times. The T of an autopilot is a temperature."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
             'timestartup': 'ns', 'gyroadc': 'counts', 'accsmooth': 'counts'}
@@ -152,8 +152,8 @@ def read_header(header: str, options: RecordingOptions, is_usable: Callable[[Clo
     """
     Parse the header line of a file; raise NamesNoAxis if it names no axis.
 
-    `is_usable` returns whether the stamps of a clock change, or its two columns are seconds and
-    parts of them.
+    `is_usable` returns whether the stamps of a clock are numbers that change, or its two columns
+    are seconds and parts of them.
     """
     delimiter, cells = cells_of(header)
     names = [_name_of(cell) for cell in cells]

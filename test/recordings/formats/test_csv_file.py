@@ -441,6 +441,12 @@ def test_units_with_signs_beyond_ascii_are_read_in_the_usual_encodings(path, enc
      ('"2014-06-24 21:02:59.750000+02:00",', '2014-06-24T13:33:00-05:30,'), SUMMER),
     ('time;gx', ('2014-06-24 19:02:59,7500000001;', '2014-06-24 19:03:00;0,'), SUMMER),
     ('time_s,gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
+    # A time of day beside a time that is a number, or a date as WitMotion writes it.
+    ('time,timestamp_ns,gx',
+     ('7:02:59,1403636579750000000,', '7:03:00,1403636580000000000,'), SUMMER),
+    ('Time,Chip Time(),gx',
+     (' 7:02:59.75, 2014-6-24 19:02:59:750,', ' 7:03:00.00, 2014-6-24 19:03:00:000,'), SUMMER),
+    ('time,gx', ('2014/06/24 19:02:59.75,', '2014/6/24 19:03:00,'), SUMMER),
     # As pandas names an index.
     (',gx', ('2014-06-24 19:02:59.75,', '2014-06-24 19:03:00,'), SUMMER),
     # A logger without a battery.
