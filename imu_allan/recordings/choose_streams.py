@@ -198,8 +198,10 @@ def _split_if_merged(recording: Recording, topic: str) -> list[Stream]:
                               for how in ('interpolated', 'repeated'))
     if len(interpolated) == 1:
         recording.remark('interpolated', topic=printable(topic), half=interpolated[0])
-    # If both halves repeat at once, the driver merely polls the sensor faster than it samples.
-    if len(repeated) != 1:
+    # If both halves repeat at once, the driver merely polls the sensor faster than it samples; so
+    # it does if the other half never changes or is not there.
+    changing = [np.any(np.diff(samples[:, columns], axis=0) > 0) for columns in HALVES.values()]
+    if len(repeated) != 1 or not all(changing):
         return [Stream(topic)]
     recording.remark('repeated_half', topic=printable(topic), half=repeated[0])
     return [Stream(topic, half, polled=half in repeated) for half in HALVES]

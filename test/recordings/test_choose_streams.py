@@ -202,3 +202,19 @@ def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
     with refused('--accel unit deg/s: deg/s cannot be turned into m/s^2; write m/s^2 or g, '
          'of counts g/16384'):
         RecordingOptions(accel_unit='deg/s')
+
+
+@pytest.mark.parametrize('other', [0.0, float('nan')], ids=['zero', 'none'])
+@pytest.mark.parametrize('sensor', ['gyro', 'accel'])
+def test_a_sensor_alone_that_is_polled_too_fast_is_no_copied_half(tmp_path, sensor, other):
+    both = block(400, 8_000, sensor == 'gyro', sensor == 'accel')
+    both.samples[:] = both.samples[np.arange(8_000) // 2]
+    both.samples[:, slice(3, None) if sensor == 'gyro' else slice(3)] = other
+    result = analyze(write(tmp_path / 'a.mcap', {'/imu': both}))
+    axes = [result.axes[f'{sensor}_{axis}'] for axis in 'xyz']
+    assert [axis.sample_rate_hz or result.timeline.sample_rate_hz for axis in axes] == (
+        pytest.approx([200.0] * 3))
+    assert [axis.coefficients['noise_density'].value for axis in axes] == pytest.approx(
+        [(0.01 if sensor == 'gyro' else 0.1) / 200**0.5] * 3, rel=0.1)
+    assert said(result, 'held_values')
+    assert not repeated(result) + said(result, 'two_rates')
