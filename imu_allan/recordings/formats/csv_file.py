@@ -422,6 +422,13 @@ def _with_unit(clock: Clock, texts: Sequence[str], rate_hz: float | None, name: 
     usual = np.sort(np.abs(times))[len(times) // 2] if len(times) else 0.0
     unit = next((unit for least, unit in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
                  if usual >= least), 's')
+    if unit == 'ns' and usual < 1e18:
+        if rate_hz is not None:
+            return None
+        raise ImuAllanError(
+            'the times may be nanoseconds before 2001, or the ticks of 100 ns of Windows. For '
+            f"nanoseconds give --columns 'time={printable(name)} ns', for ticks the sample rate "
+            'with --rate')
     # A clock that is set back says nothing about the rate.
     steps = np.diff(times)
     steps = np.sort(steps[steps >= 0])

@@ -519,6 +519,18 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, first, step,
         assert block.samples[:, 0].tolist() == list(range(200))
 
 
+def test_ticks_of_windows_are_not_taken_for_nanoseconds(path):
+    first = 638_500_000_000_000_000
+    text = 'timestamp,gx\n' + ''.join(f'{first + row * 100_000},0.5\n' for row in range(200))
+    assert refusal(path, text) == (
+        'the times may be nanoseconds before 2001, or the ticks of 100 ns of Windows. For '
+        "nanoseconds give --columns 'time=timestamp ns', for ticks the sample rate with --rate")
+    for options, nanoseconds in ((RecordingOptions(rate_hz=100.0), 10_000_000),
+                                 (named(time='timestamp ns'), 100_000)):
+        block, _ = read(path, options=options)
+        assert (np.diff(block.header_ns) == nanoseconds).all()
+
+
 def test_numbers_of_rows_are_not_said_to_be_milliseconds(path):
     text = 'time,gx\n' + ''.join(f'{row},0.5\n' for row in range(200))
     assert refusal(path, text) == (
