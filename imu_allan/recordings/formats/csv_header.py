@@ -7,8 +7,8 @@ Recognized are the names of this project (``time_s``, ``gyro_x``), of EuRoC and 
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
 UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), PlotJuggler (``__time,/imu/angular_velocity/x``),
 phyphox (``"Gyroscope x (rad/s)"``), bagpy (``header.stamp.secs,header.stamp.nsecs``), phone apps
-(SensorLog, AndroSensor), VectorNav, Xsens, WitMotion, autopilots (``gyroADC[0] (deg/s)`` of
-Betaflight, where blackbox_decode gives units) and short names (``t,gx,ay``).
+(SensorLog, AndroSensor), VectorNav, Xsens, Shimmer, WitMotion, autopilots (``gyroADC[0] (deg/s)``
+of Betaflight, where blackbox_decode gives units) and short names (``t,gx,ay``).
 Words for time and sensors may be German, Spanish, French, Italian or Portuguese.
 """
 
@@ -49,13 +49,15 @@ _UNITS = {
     'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
 _UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
 """A unit at the end of a name, as in ``gx_dps``."""
+_SHIMMER = re.compile(r'.+_(gyro|accel)(?:_(?:ln|wr))?(_[xyz])_cal')
+"""A name of Shimmer: that of the device, and perhaps low noise or wide range."""
 _IN = r'(?:_([mun]?s(?:ec)?))?'
 _CLOCKS = tuple(re.compile(form) for form in (
     rf'[#%_]*(?:time|time_?stamp|stamp|zeit|temps|tiempo|tempo|t){_IN}',
     r'(?:.*[/.])?header[./]stamp|millis|micros|(ms|us)|time(?:stamp)?([mun]s)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
     rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}',
-    rf'(?:unix|system|device|chip)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|timestamp_unix'))
+    rf'(?:unix|system|device|chip)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|(?:.+_)?timestamp(?:sync)?_unix(?:_cal)?'))
 """Names of times. The T of an autopilot is a temperature."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
             'timestartup': 'ns', 'gyroadc': 'counts', 'accsmooth': 'counts'}
@@ -291,6 +293,7 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
         if (match := form.fullmatch(name)) is not None:
             return 'time', _IMPLIED.get(name) or next(filter(None, match.groups()), None)
     implied = None
+    name = _SHIMMER.sub(r'\1\2', name)
     if (match := _UNIT_BEHIND.fullmatch(name)) is not None:
         name, *found = match.groups()
         implied = next(unit for unit, text in zip(_UNITS, found, strict=True) if text)

@@ -403,12 +403,15 @@ def test_units_stand_in_names_in_many_ways(path, header, factors):
     ('time,status,gyro_x,accel_x', 's,,deg/s,g', '0.5,7,180,2'),
     ('"Time","status","Gyro X","Acc X"', '"[ms]","[]","[deg/s]","[mg]"', '500,7,180,2000'),
     ('# t status gx ax', '# us - mdps m/s2', '500000 7 180000 19.6133'),
+    ('"sep=,"\n' + ','.join(f'S_Head_{name}_CAL' for name in (
+        'Timestamp_Unix', 'Battery', 'Gyro_X', 'Accel_WR_X')) + ',', 'ms,mV,deg/s,m/(s^2),',
+     '500,7,180,19.6133,'),
     # A program of SBG
     ('timestamp\tstatus\tgyroX\taccelX', '(us)\t(na)\t(deg.s^-1)\t(m.s^-2)',
      '500000\t7\t180\t19.6133'),
     ('iso8601Time\tstatus\tgyroX\taccelX', '(yyyy-mm-ddThh:mm:ss.sssZ)\t(na)\t(deg.s^-1)\t(g)',
      '1970-01-01T00:00:00.500Z\t7\t180\t2')],
-    ids=['bare', 'in brackets', 'blanks', 'sbg', 'sbg with dates'])
+    ids=['bare', 'in brackets', 'blanks', 'shimmer', 'sbg', 'sbg with dates'])
 def test_a_line_below_the_names_may_hold_their_units(path, names, units, row):
     messages, remarks = read_text(path, f'{names}\n{units}\n{row}\n')
     assert messages.header_ns.tolist() == [500_000_000]
