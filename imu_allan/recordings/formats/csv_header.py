@@ -57,7 +57,8 @@ _CLOCKS = tuple(re.compile(form) for form in (
     r'(?:.*[/.])?header[./]stamp|millis|micros|(ms|us)|time(?:stamp)?([mun]s)',
     r'(?:accelerometer|gyro)?timestamp_sincereboot|time_?startup|sampletimefine',
     rf'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?{_IN}|elapsed(?:_time)?{_IN}',
-    rf'(?:unix|system|device|chip)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}|(?:.+_)?timestamp(?:sync)?_unix(?:_cal)?'))
+    rf'(?:unix|system|device|chip)_?(?:time|stamp)(?:_?stamp)?{_IN}|epoch?{_IN}',
+    r'(?:.+_)?timestamp(?:sync)?_unix(?:_cal)?'))
 """Names of times. The T of an autopilot is a temperature."""
 _IMPLIED = {'%time': 'ns', 'field.header.stamp': 'ns', 'millis': 'ms', 'micros': 'us',
             'timestartup': 'ns', 'gyroadc': 'counts', 'accsmooth': 'counts'}
