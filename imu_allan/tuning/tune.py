@@ -281,9 +281,10 @@ class Truth:
         self.model = drift_model_of(axis)
 
     def allan_variance(self, interval_s: float) -> float:
-        """Return the Allan variance of model and tones, plus what exceeds it above the band."""
+        """Return the Allan variance of model and tones, and what may lie outside the band."""
         return (float(drift_avar(self.model, self.axis.tones, interval_s))
-                + above_band(self.axis, interval_s))
+                + above_band(self.axis, interval_s)
+                + float(hidden_variance(self.axis, np.array([interval_s]))[0]))
 
     def _shows_s(self, random_walk: float) -> float:
         """Return from which averaging time, at most `to_s`, a random walk exceeds white noise."""

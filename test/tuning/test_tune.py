@@ -126,6 +126,16 @@ def test_the_conservative_set_covers_how_much_the_drift_of_a_sensor_usually_chan
     assert careful.coast_ratio < plain.coast_ratio / 1.75
 
 
+@pytest.mark.parametrize('drift', [{}, {'walk': 1e-5}, {'walk': 1e-4}], ids=['N', 'N+K', 'N+10 K'])
+def test_corrections_rarer_than_the_record_is_long_have_a_filter_for_what_it_may_hide(drift):
+    """Candidates reach what a record of a minute may hide, not only the little that it shows."""
+    axis = axis_of(1e-3, known=(0.01, 20.0), **drift)
+    plain, careful = (tune(axis, 600.0, 3600.0, conservative=careful) for careful in (False, True))
+    assert plain.nis < 1
+    assert plain.coast_ratio < 1.3
+    assert all(predicted > expected for _, expected, predicted in careful.consistency)
+
+
 def test_a_conservative_filter_of_short_steps_is_still_worth_something():
     """What is uncertain in fast noise goes into N: a random walk that covers it has no end."""
     axis = axis_of(6.6e-4, 1.7e-5, ((2.5e-4, 0.1), (1.5e-4, 20.0), (1.6e-4, 300.0)),
