@@ -425,6 +425,14 @@ def test_what_gives_no_configuration_is_refused():
         export(with_axes(only(EASY, 'gyro'), **DEAD), 'kalibr')
 
 
+@pytest.mark.parametrize('fault', [DEAD, {'high_passed_hz': 0.05, 'drift_model': None}],
+                         ids=['dead', 'high-passed'])
+def test_the_mean_of_an_axis_without_numbers_is_no_offset(fault):
+    found = yaml.safe_load(export(with_axes(EASY, 'gyro_y', **fault), 'autoware'))
+    numbers = found['/**']['ros__parameters']
+    assert {key[-1] for key in numbers if 'offset' in key} == {'x', 'z'}
+
+
 FLICKERING = with_coefficient(EASY, 'gyro_y', 'bias_instability', observable=True, value=1e-4,
                               ci95=(5e-5, 2e-4), upper95=None)
 

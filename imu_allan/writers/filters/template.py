@@ -120,7 +120,8 @@ def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | Non
     sensor = cast('Sensor', field['sensor'])
     axis = f'{sensor}_{field["letter"]}'
     if field['key'] == 'mean':
-        mean = numbers.result.axes[axis].mean if axis in numbers.result.axes else None
+        # The mean of a dead or high-passed axis is not its bias.
+        mean = numbers.result.axes[axis].mean if numbers.of_axis.get(axis) else None
         return None if mean is None else real(mean), []
     key = cast('Key', field['key'])
     scale, unit = _scale(numbers, sensor, key, field)
