@@ -652,6 +652,7 @@ def test_the_state_space_is_no_tuned_number():
     for consumer in ('state_space', 'state_space_cpp'):
         text = export_as_wished(EASY, consumer)
         assert 'The whole drift model, as measured: NIS and' in text
+        assert 'what it predicts, up to 60 min' in text
         assert not said(text)
         with refused(f'{consumer} is the drift model as measured: neither --conservative nor '
                      '--inflate applies; scale its matrices yourself'):

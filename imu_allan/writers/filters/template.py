@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 import json
-from math import sqrt
+from math import inf, sqrt
 import re
 from typing import cast
 
@@ -252,8 +252,11 @@ def provenance(numbers: Numbers) -> list[str]:
 def _choice(numbers: Numbers, expected: bool) -> list[str]:
     lines = []
     if numbers.consumer.share == 'model':
-        lines.append('The whole drift model, as measured: NIS and squared unaided errors '
-                     'are expected to be what it predicts.')
+        known = known_less_than(numbers.result.axes, inf) or 0.0
+        lines += ['The whole drift model, as measured: NIS and squared unaided errors are '
+                  f'expected to be what it predicts, up to {duration(known)}',
+                  'unaided. The recording knows no more, and unlike filter N and K the model is '
+                  'not widened beyond it.']
         lines += [f'{name}: ' + ', '.join(
             f'{key} {numbers.measured(name, key)}' for key in numbers.coefficients[name])
             for name in numbers.result.axes if numbers.coefficients[name]]
