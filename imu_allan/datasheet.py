@@ -21,7 +21,7 @@ from imu_allan.finding_messages import FAULTS, of_axis, sentence_of
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
-from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, Quantity, TERMS
 from imu_allan.noise.uncertainty import error_of_mean, mean_is_known
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
@@ -282,6 +282,9 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
     measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
     outcome, reason = _decide(measured, limit, printable(written), fault)
     value = measured.value
+    if (key == 'zero_bias' and outcome == 'fail' and fault is None
+            and quantity is Quantity.LINEAR_ACCELERATION and axis not in specification.mean):
+        reason += f'; if that is gravity, write accel: {{{axis[-1]}: {{mean: 1 g}}}}'
     # With a limit close to zero, the ratio would overflow.
     ratio = None if value is None or limit <= 0 or value > limit * 1e300 else value / limit
     return Verdict(axis, key, symbol, unit, limit, written, value, measured.ci95, measured.upper95,
