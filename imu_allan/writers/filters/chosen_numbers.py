@@ -172,7 +172,7 @@ class Numbers:
             return 'not measured'
         value = f'{scale(found.value):.4g}'
         if found.bound:
-            return f'not observable, below {value}'
+            return f'measured below {value}, not observable'
         if self.of_datasheet:
             terms = ', '.join(_slow_noise(self.result.axes[name], self.coast_s))
             return f'{f"from {terms}" if found.of_flicker else "datasheet"} {value}'
