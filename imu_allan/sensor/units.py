@@ -42,11 +42,11 @@ _UNITS: dict[str, _Size] = {
         (1.0, 0.0, 0.0, 0.0): {
             'rad radian radians': 1.0, 'deg degree degrees': pi / 180,
             'arcmin arcminute': pi / 10_800, 'arcsec arcsecond': pi / 648_000},
-        (0.0, 1.0, 0.0, 0.0): {'m metre meter': 1.0},
+        (0.0, 1.0, 0.0, 0.0): {'m metre meter': 1.0, 'ft': 0.3048},
         (0.0, 0.0, 1.0, 0.0): {
             's sec second seconds': 1.0, 'min minute minutes': 60.0, 'h hr hour hours': 3600.0},
         (0.0, 0.0, -1.0, 0.0): {'Hz hertz': 1.0},
-        (1.0, 0.0, -1.0, 0.0): {'dps': pi / 180},
+        (1.0, 0.0, -1.0, 0.0): {'dps': pi / 180, 'dph': pi / 648_000},
         (0.0, 1.0, -2.0, 0.0): {'g': STANDARD_GRAVITY, 'Gal': 1e-2},
         # For temperature differences: a degree Celsius is as large as a kelvin.
         (0.0, 0.0, 0.0, 1.0): {'K kelvin degC': 1.0},
@@ -61,7 +61,7 @@ _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?!
 # PDFs of datasheets and Spanish keyboards give other circles than the sign of a degree.
 _SPELLINGS = str.maketrans({
     '°': 'deg', 'º': 'deg', '˚': 'deg', 'µ': 'u', 'μ': 'u', '·': '*', '²': '^2', '³': '^3',
-    '√': 'sqrt'})
+    '√': 'sqrt', '½': '^0.5'})
 _LONGEST = 80
 """In characters, twice any unit in use; the rest of a longer text is neither parsed nor shown."""
 
@@ -138,7 +138,7 @@ def _size(text: str) -> _Size:
     if len(text) > _LONGEST:
         raise ValueError('too long for a unit')
     text = text.translate(_SPELLINGS)
-    text = re.sub(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
+    text = re.sub(r'\b(?:sqrt|rt|root)[\s-]*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))',
                   lambda m: f'({m[1] or m[2]})^0.5', text).strip()
     # Two units side by side, or with a dot, are multiplied. The rest has the syntax of Python.
     text = re.sub(r'(?<=[\w)])\s*(?=\()|(?<=\))\s*(?=[A-Za-z])|(?<=\w)[\s.]+(?=[A-Za-z])', '*',

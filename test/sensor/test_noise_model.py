@@ -39,7 +39,7 @@ CONSUMER = parse_model(
     ('2 min', 's', 120.0), *((text, GYRO_N, 5.235987756e-4) for text in (
         '0.03deg/s/sqrt(Hz)', '0.03 °/s/√Hz', '0.03 º/s/√Hz', '0.03 ˚/s/√Hz', '0.03 deg/s/rtHz',
         '30 mdps/sqrt(Hz)', '3e-2 deg/s/Hz^0.5', '0.03 deg/(s*sqrt( Hz ))',
-        '.03 degrees sec^-1/sqrt(Hz)'))])
+        '.03 degrees sec^-1/sqrt(Hz)', '108 dph/root Hz', '0.03 deg/s/Hz½', '1.8 deg/rt-hr'))])
 def test_units_of_datasheets_in_any_spelling_have_their_textbook_value(text, unit, expected):
     assert parse(text, unit) == pytest.approx(expected, rel=1e-9)
 
