@@ -25,6 +25,7 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, Quantity, TERMS
 from imu_allan.noise.uncertainty import error_of_mean, mean_is_known
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
+from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
 
 DEAD = 1e-3
@@ -282,8 +283,8 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
     measured = Measured() if fault is not None else of_limit(result, axis, key, specification)
     outcome, reason = _decide(measured, limit, printable(written), fault)
     value = measured.value
-    if (key == 'zero_bias' and outcome == 'fail' and fault is None
-            and quantity is Quantity.LINEAR_ACCELERATION and axis not in specification.mean):
+    if (key == 'zero_bias' and outcome == 'fail' and quantity is Quantity.LINEAR_ACCELERATION
+            and axis not in specification.mean and (value or 0.0) > STANDARD_GRAVITY / 2):
         reason += f'; if that is gravity, write accel: {{{axis[-1]}: {{mean: 1 g}}}}'
     # With a limit close to zero, the ratio would overflow.
     ratio = None if value is None or limit <= 0 or value > limit * 1e300 else value / limit

@@ -131,6 +131,9 @@ def test_a_dead_axis_fails_and_the_unknown_is_no_verdict(result, changed, text, 
     ('accel: {z: {zero_bias: 5 mg}}', 'fail',
      'accel_z zero bias: the 95 % interval is above 5 mg; if that is gravity, write accel: '
      '{z: {mean: 1 g}}'),
+    # A mean of 0.01 m/s^2 is no gravity.
+    ('accel: {x: {zero_bias: 0.1 mg}}', 'fail',
+     'accel_x zero bias: the 95 % interval is above 0.1 mg'),
     ('gyro: {x: {temperature_drift: 36 deg/h/K}}', 'cannot tell', 'gyro_x temperature drift: the '
      'result knows no dependence on temperature; record the temperature while it changes'),
     ('gyro: {x: {turn_on_bias: 36 deg/h}}', 'cannot tell', 'gyro_x turn-on bias: one power-on '
