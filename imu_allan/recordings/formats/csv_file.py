@@ -46,6 +46,8 @@ _LONGEST_LINE = 1 << 20
 _FIRST_LINES = 64
 """Lines from which to count fields and infer the unit of times: two batches of a 32-sample
 FIFO."""
+_MISSING = {'', 'NA', 'N/A', 'null', 'NULL', 'None', '-', '--'}
+"""What R, databases and Python write for no value."""
 _DATE = re.compile(r'(?<![\w:])(\d{4})[-/](\d\d?)[-/](\d\d?)[T ](\d\d?:\d\d:\d\d)'
                    r'(?:(?:\.|:(?=\d{3}\b))(\d{1,9})\d*)?(?:Z|([+-]\d\d):?(\d\d))?')
 """A time of ISO 8601, or as 2024/6/24 and with a colon before the milliseconds."""
@@ -342,7 +344,7 @@ def _is_row(line: str, delimiter: str | None) -> bool:
     if line.startswith(('#', '%', '//')):
         return False
     for cells in (_cells(line, delimiter), cells_of(line)[1]):
-        filled = [cell for cell in cells if cell.strip(QUOTES)]
+        filled = [cell for cell in cells if cell.strip(QUOTES) not in _MISSING]
         numbers = [cell for cell in filled if is_number(cell) or _DATE.match(cell.strip(QUOTES))]
         if 2 * len(numbers) > len(filled):
             return True

@@ -141,7 +141,10 @@ def test_a_table_that_grows_is_read_as_it_was(path):
     ('time_s,gyro_x_rad_s\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n',
      [10**9, 4 * 10**9, 7 * 10**9], [5, np.nan, 9], 4, 'line 3: x,6'),
     ('time_s,gyro_x [rad/s]\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n',
-     [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1')], ids=['empty cell', 'no time'])
+     [0, 10**8, 2 * 10**8], [1, 2, 4], 4, 'line 5: nothing,1'),
+    *(('time_s,gyro_x [rad/s],accel_x\n' + f'0.0,{none},{none}\n' * 3 + '0.1,2,3\n0.2,4,5\n',
+       [10**8, 2 * 10**8], [2, 4], 3, f'line 2: 0.0,{none},{none}') for none in ('NA', '--'))],
+    ids=['empty cell', 'no time', 'NA', 'dashes'])
 def test_lines_that_are_no_numbers_are_counted(path, text, stamps, values, count, first):
     messages, [remark] = read_text(path, text)
     assert messages.header_ns.tolist() == stamps
