@@ -116,13 +116,15 @@ def _find_lines(sections: list[SpectrumSection], bins: Bins, dt: float, power: A
             line = Tone(centre, float(np.sqrt(2 * excess.sum() / section.length)))
             if section.step == 1 or not is_alias(line, lines, section.step, dt, 3 * width):
                 lines.append(line)
-    # Shorter blocks of the same stage contain the same lines at a lower resolution.
+    # Shorter blocks of the same stage contain the same lines at a lower resolution. There side
+    # lobes reach over fewer bins, but these are wider.
     for number, section in enumerate(sections):
         if section.length == longest[section.step]:
             continue
-        width = 2 * section.spacing_hz(dt)
+        farther = float(np.sqrt(longest[section.step] / section.length)) - 1
         here = np.flatnonzero(bins.section == number)
         for low, high in spans:
+            width = 2 * section.spacing_hz(dt) + farther * (high - low) / 2
             inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
             keep[here[inside]] = False
     lines.sort(key=lambda line: -line.amplitude)
@@ -140,13 +142,16 @@ def _lines_of(power: Array, expected: Array, blocks: int, leak: float
         # knee into a hump, so broad lines are searched for in the original spectrum.
         level = expected if scale == 1 else np.ones(len(power))
         candidates = []
-        places = rises(np.where(taken, np.nan, power / level), blocks, scale)
+        ratio = power / level
+        # Side lobes of a strong line raise the floor around it, but not that of the whole part.
+        usual = float(np.median(ratio)) * blocks / float(chi_square.lower(0.5, blocks))
+        places = rises(np.where(taken, np.nan, ratio), blocks, scale)
         counted = taken.copy()
         for begin, end, _ in places:
             counted[begin:end] = True
         for begin, end, floor in places:
             excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
-            peak = float(np.max(excess / level[begin:end])) / floor
+            peak = float(np.max(excess / level[begin:end])) / min(floor, usual)
             # A sharp line leaks into side lobes; a broad one has skirts as wide as itself.
             reach = 1 + (int(np.ceil(np.sqrt(peak / leak) / np.pi)) if scale == 1 else end - begin)
             around = slice(max(0, begin - reach), end + reach)

@@ -25,6 +25,17 @@ def test_a_sharp_line_is_found_with_its_amplitude(frequency, size, samples, erro
     assert axis.coefficients[N].value == pytest.approx(0.1 * unit, rel=0.03)
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_side_lobes_of_a_strong_line_are_no_white_noise(seed):
+    # They raise the floor beside the line, and reach farther in the shorter blocks at the end.
+    samples = np.random.default_rng(seed).normal(size=22_000)
+    tone = 10 * np.sin(2 * np.pi * 13.2 * np.arange(len(samples)) / RATE + seed)
+    axis, _ = characterized(samples + tone, RATE)
+    low, high = axis.coefficients[N].ci95
+    assert low < 0.1 < high
+    assert axis.coefficients[N].value == pytest.approx(0.1, rel=0.025)
+
+
 def test_the_power_of_eighty_lines_is_found():
     rng = np.random.default_rng(1)
     time = np.arange(360_000) / RATE
