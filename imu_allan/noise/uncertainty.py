@@ -103,6 +103,12 @@ def widened_interval(found: Coefficient, factor: float) -> Coefficient:
     return replace(found, ci95=(low, high))
 
 
+def value_or_bound(axis: AxisResult, key: str) -> float | None:
+    """Return a coefficient or, if it is not observable, its upper bound; None without either."""
+    found = axis.coefficients[key]
+    return found.value if found.observable else found.upper95
+
+
 def mean_is_known(axis: AxisResult) -> bool:
     """Return whether the error of the mean is known: not after a high-pass, and not without N."""
     return axis.high_passed_hz is None and axis.coefficients['noise_density'].value is not None
@@ -123,7 +129,5 @@ def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False)
     with np.errstate(over='ignore'):
         if axis.drift_model is not None and not at_most:
             return sqrt(float(drift_avar(axis.drift_model, axis.tones, duration_s)))
-        sizes = {key: found.upper95 if found.value is None else found.value
-                 for key, found in axis.coefficients.items() if key in LASTING_TERMS}
-        return sqrt(float(allan_variance(
-            {key: size for key, size in sizes.items() if size is not None}, duration_s)))
+        sizes = {key: value_or_bound(axis, key) or 0.0 for key in LASTING_TERMS}
+        return sqrt(float(allan_variance(sizes, duration_s)))

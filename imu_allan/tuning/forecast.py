@@ -220,9 +220,3 @@ def upper_of_drift(axis: AxisResult, horizons: Array) -> Array:
     sampling = np.log(dof / chi_square.lower(0.05, dof))
     # 95 % of a normal distribution lie below 1.645 standard errors.
     return np.asarray(np.exp(np.hypot(sampling, 2 * 1.645 * _UNSTEADINESS[axis.quantity])))
-
-
-def value_or_bound(axis: AxisResult, key: str) -> float | None:
-    """Return a coefficient or, if it is not observable, its upper bound; None without either."""
-    found = axis.coefficients[key]
-    return found.value if found.observable else found.upper95

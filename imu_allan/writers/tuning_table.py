@@ -21,6 +21,7 @@ from imu_allan.finding_messages import (
 )
 from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES
+from imu_allan.noise.uncertainty import value_or_bound
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.backtest import FieldTest
@@ -29,7 +30,6 @@ from imu_allan.tuning.forecast import (
     known_less_than,
     predicted_drift,
     spread_of_forecast,
-    value_or_bound,
 )
 from imu_allan.tuning.tune import assess, Bias, tune
 from imu_allan.wording import duration, listed, number, SENSORS, spoken

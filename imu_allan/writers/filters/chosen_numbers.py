@@ -25,9 +25,9 @@ from imu_allan.noise.terms import (
     SLOW_TERMS,
     TERMS,
 )
+from imu_allan.noise.uncertainty import value_or_bound
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
-from imu_allan.tuning.forecast import value_or_bound
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.version import __version__
 from imu_allan.writers.curves import axes_of
